@@ -1,0 +1,94 @@
+"""From a policy's output to joint torques: joint targets, action latency, and the motors' PD law."""
+
+import warp as wp
+
+from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, interpolate_joint
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def targets_from_default_pose(
+    output: wp.array2d(dtype=float),
+    default_position: wp.array(dtype=float),
+    scale: float,
+    clip: float,
+    joint_target: wp.array2d(dtype=float),
+):
+    """Write ``default pose + scale * output`` (the paper's action), shape [num_worlds, 12]."""
+    world, joint = wp.tid()
+    joint_target[world, joint] = default_position[joint] + scale * wp.clamp(output[world, joint], -clip, clip)
+
+
+@wp.kernel
+def targets_from_reference(
+    output: wp.array2d(dtype=float),
+    clips: ReferenceClips,
+    placement: Placement,
+    reference_step: wp.array(dtype=int),
+    steps_ahead: float,
+    velocity_gain: float,
+    scale: float,
+    clip: float,
+    joint_target: wp.array2d(dtype=float),
+):
+    """Write ``reference + velocity_gain * reference velocity + scale * output``, shape [num_worlds, 12].
+
+    The reference is taken ``steps_ahead`` control steps from now, where the robot should be when the target has taken
+    effect. ``velocity_gain`` [s] is the ratio of damping to stiffness: it cancels the lag of the PD law.
+    """
+    world, joint = wp.tid()
+    index = placement.clip[world]
+    frame = frame_at(clips, placement, world, float(reference_step[world]) + steps_ahead)
+    position = interpolate_joint(clips, clips.joint_position, index, frame, joint)
+    velocity = interpolate_joint(clips, clips.joint_velocity, index, frame, joint)
+    residual = scale * wp.clamp(output[world, joint], -clip, clip)
+    joint_target[world, joint] = position + velocity_gain * velocity + residual
+
+
+@wp.kernel
+def push_target(
+    joint_target: wp.array2d(dtype=float), control_step: wp.array(dtype=int), queue: wp.array3d(dtype=float)
+):
+    """Store the newest joint target in the queue of shape [num_worlds, queue_length, 12]."""
+    world, joint = wp.tid()
+    queue[world, control_step[0] % queue.shape[1], joint] = joint_target[world, joint]
+
+
+@wp.func
+def delayed_slot(control_step: int, substep: int, substeps: int, delay: int, queue_length: int) -> int:
+    """Return the place in the queue of the target that rules in this substep.
+
+    A target pushed at control step c rules from ``delay`` substeps after the start of c. ``queue_length * substeps``
+    is added so that the integer division never meets a negative number.
+    """
+    now = control_step * substeps + substep - delay + queue_length * substeps
+    return (now // substeps) % queue_length
+
+
+@wp.kernel
+def apply_motor_torque(
+    joint_q: wp.array2d(dtype=float),
+    joint_qd: wp.array2d(dtype=float),
+    queue: wp.array3d(dtype=float),
+    control_step: wp.array(dtype=int),
+    substep: int,
+    substeps: int,
+    delay: wp.array(dtype=int),
+    stiffness: wp.array2d(dtype=float),
+    damping: wp.array2d(dtype=float),
+    effort: wp.array(dtype=float),
+    joint_force: wp.array2d(dtype=float),
+    torque: wp.array2d(dtype=float),
+):
+    """Write the clamped PD torque of each motor [N m] into Newton's joint forces and into ``torque``.
+
+    Launched over [num_worlds, 12] before every physics substep. ``delay`` counts substeps.
+    """
+    world, joint = wp.tid()
+    slot = delayed_slot(control_step[0], substep, substeps, delay[world], queue.shape[1])
+    error = queue[world, slot, joint] - joint_q[world, 7 + joint]
+    demand = stiffness[world, joint] * error - damping[world, joint] * joint_qd[world, 6 + joint]
+    applied = wp.clamp(demand, -effort[joint], effort[joint])
+    joint_force[world, 6 + joint] = applied
+    torque[world, joint] = applied

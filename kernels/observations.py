@@ -1,0 +1,112 @@
+"""What the policy sees: its own recent states and the coming reference, without absolute position or heading."""
+
+import warp as wp
+
+from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, interpolate_joint, reference_root
+from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
+from kine2go_warp.kernels.state import (
+    RobotState,
+    joint_position,
+    joint_velocity,
+    root_angular_velocity_w,
+    root_linear_velocity_w,
+    root_orientation,
+    root_position,
+)
+
+wp.set_module_options({"enable_backward": False})
+
+STATE_SIZE = wp.constant(45)
+"""Values of one state: see ``write_state``."""
+TARGET_SIZE = wp.constant(21)
+"""Values of one future reference: see ``observe_targets``."""
+
+
+@wp.func
+def write_vector(out: wp.array2d(dtype=float), world: int, first: int, vector: wp.vec3):
+    """Write three components side by side."""
+    for axis in range(3):
+        out[world, first + axis] = vector[axis]
+
+
+@wp.kernel
+def shift_history(observation: wp.array2d(dtype=float), history_length: int):
+    """Move each state of the history one place back, dropping the oldest. Launched over [num_worlds, 45]."""
+    world, index = wp.tid()
+    for age in range(history_length - 1, 0, -1):
+        observation[world, age * STATE_SIZE + index] = observation[world, (age - 1) * STATE_SIZE + index]
+
+
+@wp.kernel
+def observe_state(
+    robot: RobotState,
+    last_output: wp.array2d(dtype=float),
+    default_position: wp.array(dtype=float),
+    observation: wp.array2d(dtype=float),
+):
+    """Write the robot's present state to the first 45 places of the observation.
+
+    Down direction (3) [-], linear velocity of the base origin (3) [m/s] and angular velocity (3) [rad/s], all in the
+    base frame; joint positions less the default pose (12) [rad]; joint velocities (12) [rad/s]; the last output of the
+    policy (12) [-].
+    """
+    world = wp.tid()
+    rotation = root_orientation(robot, world)
+    write_vector(observation, world, 0, wp.quat_rotate_inv(rotation, wp.vec3(0.0, 0.0, -1.0)))
+    write_vector(observation, world, 3, wp.quat_rotate_inv(rotation, root_linear_velocity_w(robot, world)))
+    write_vector(observation, world, 6, wp.quat_rotate_inv(rotation, root_angular_velocity_w(robot, world)))
+    for joint in range(12):
+        observation[world, 9 + joint] = joint_position(robot, world, joint) - default_position[joint]
+        observation[world, 21 + joint] = joint_velocity(robot, world, joint)
+        observation[world, 33 + joint] = last_output[world, joint]
+
+
+@wp.kernel
+def fill_history(done: wp.array(dtype=wp.int64), observation: wp.array2d(dtype=float), history_length: int):
+    """Give a world that begins an episode a history of copies of its first state. Launched over [num_worlds, 45]."""
+    world, index = wp.tid()
+    if done[world] == wp.int64(0):
+        return
+    for age in range(1, history_length):
+        observation[world, age * STATE_SIZE + index] = observation[world, index]
+
+
+@wp.kernel
+def observe_targets(
+    robot: RobotState,
+    clips: ReferenceClips,
+    placement: Placement,
+    reference_step: wp.array(dtype=int),
+    steps_ahead: wp.array(dtype=int),
+    default_position: wp.array(dtype=float),
+    first: int,
+    observation: wp.array2d(dtype=float),
+):
+    """Write the reference at several future steps, seen from the robot, 21 values each.
+
+    Reference root relative to the robot's root in the robot's heading frame (3) [m]; forward and left axis of the
+    reference root in that frame (6) [-]; reference joint positions less the default pose (12) [rad]. Launched over
+    [num_worlds, number of steps].
+    """
+    world, target = wp.tid()
+    clip = placement.clip[world]
+    frame = frame_at(clips, placement, world, float(reference_step[world] + steps_ahead[target]))
+    root = reference_root(clips, placement, world, frame)
+    to_heading = yaw_rotation(-heading_of(root_orientation(robot, world)))
+    offset = wp.quat_rotate(to_heading, wp.transform_get_translation(root) - root_position(robot, world))
+    rotation = to_heading * wp.transform_get_rotation(root)
+    place = first + target * TARGET_SIZE
+    write_vector(observation, world, place, offset)
+    write_vector(observation, world, place + 3, wp.quat_rotate(rotation, wp.vec3(1.0, 0.0, 0.0)))
+    write_vector(observation, world, place + 6, wp.quat_rotate(rotation, wp.vec3(0.0, 1.0, 0.0)))
+    for joint in range(12):
+        position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
+        observation[world, place + 9 + joint] = position - default_position[joint]
+
+
+@wp.kernel
+def clear_outputs(done: wp.array(dtype=wp.int64), output: wp.array2d(dtype=float)):
+    """Forget the last output of the policy in worlds that begin an episode. Launched over [num_worlds, 12]."""
+    world, joint = wp.tid()
+    if done[world] != wp.int64(0):
+        output[world, joint] = 0.0

@@ -1,0 +1,179 @@
+"""Reference motions on the device: from a place in a clip to a pose in each world's own heading.
+
+A place in a clip is a frame number with a fraction, ``frame = start_phase * num_frames + step * frames_per_step``; it
+grows without bound, and every ``num_frames`` frames the clip has moved on by one cycle.
+"""
+
+import warp as wp
+
+from kine2go_warp.kernels.rotations import rotate_planar, slerp, yaw_rotation
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class ReferenceClips:
+    """Several clips packed one after another. Root velocities and positions are in the clip's own world frame."""
+
+    root_position: wp.array(dtype=wp.vec3)
+    """Base link origin [m], shape [total_frames]."""
+    root_orientation: wp.array(dtype=wp.quat)
+    """Base link orientation, shape [total_frames]."""
+    root_linear_velocity: wp.array(dtype=wp.vec3)
+    """Velocity of the base link origin [m/s], shape [total_frames]."""
+    root_angular_velocity: wp.array(dtype=wp.vec3)
+    """Angular velocity of the base [rad/s], shape [total_frames]."""
+    joint_position: wp.array2d(dtype=float)
+    """Joint positions [rad], shape [total_frames, 12]."""
+    joint_velocity: wp.array2d(dtype=float)
+    """Joint velocities [rad/s], shape [total_frames, 12]."""
+    first_frame: wp.array(dtype=int)
+    """Where each clip begins, shape [num_clips]."""
+    num_frames: wp.array(dtype=int)
+    """Frames in one cycle, shape [num_clips]."""
+    frames_per_step: wp.array(dtype=float)
+    """Clip frames that pass in one control step, shape [num_clips]."""
+    cycle_translation: wp.array(dtype=wp.vec2)
+    """Displacement of one cycle in the ground plane [m], shape [num_clips]."""
+    cycle_yaw: wp.array(dtype=float)
+    """Turn of one cycle [rad], shape [num_clips]."""
+
+
+@wp.struct
+class Placement:
+    """What each world tracks and where it lies in that world. All arrays have shape [num_worlds]."""
+
+    clip: wp.array(dtype=int)
+    """Index of the clip."""
+    start_phase: wp.array(dtype=float)
+    """Place in the cycle where the episode began, in [0, 1)."""
+    heading: wp.array(dtype=float)
+    """Turn of the whole reference about the world's z axis [rad]."""
+    origin: wp.array(dtype=wp.vec2)
+    """Where the clip's own origin lies in the world [m]."""
+
+
+@wp.struct
+class ReferenceState:
+    """The reference at one instant, in each world's own frame."""
+
+    root: wp.array(dtype=wp.transform)
+    """Base link pose, shape [num_worlds]."""
+    linear_velocity: wp.array(dtype=wp.vec3)
+    """Velocity of the base link origin [m/s], shape [num_worlds]."""
+    angular_velocity: wp.array(dtype=wp.vec3)
+    """Angular velocity of the base [rad/s], shape [num_worlds]."""
+    joint_position: wp.array2d(dtype=float)
+    """Joint positions [rad], shape [num_worlds, 12]."""
+    joint_velocity: wp.array2d(dtype=float)
+    """Joint velocities [rad/s], shape [num_worlds, 12]."""
+
+
+@wp.func
+def frame_at(clips: ReferenceClips, placement: Placement, world: int, step: float) -> float:
+    """Return the place in the clip ``step`` control steps into the episode [frames]."""
+    clip = placement.clip[world]
+    return placement.start_phase[world] * float(clips.num_frames[clip]) + step * clips.frames_per_step[clip]
+
+
+@wp.func
+def cycle_displacement(translation: wp.vec2, yaw: float, cycles: float) -> wp.vec2:
+    """Return where ``cycles`` repetitions of the step (``translation``, ``yaw``) lead [m].
+
+    The closed form of the sum of ``translation`` turned by 0, yaw, 2 yaw, ..., (cycles - 1) yaw.
+    """
+    half = 0.5 * yaw
+    gain = cycles
+    if wp.abs(wp.sin(half)) > 1.0e-6:
+        gain = wp.sin(cycles * half) / wp.sin(half)
+    return rotate_planar((cycles - 1.0) * half, translation) * gain
+
+
+@wp.func
+def whole_frame_pose(clips: ReferenceClips, clip: int, frame: int) -> wp.transform:
+    """Return the root pose at a whole frame, in the clip's world frame, cycles included."""
+    num_frames = clips.num_frames[clip]
+    cycle = frame // num_frames
+    index = clips.first_frame[clip] + frame - cycle * num_frames
+    yaw = clips.cycle_yaw[clip]
+    turn = float(cycle) * yaw
+    position = clips.root_position[index]
+    planar = rotate_planar(turn, wp.vec2(position[0], position[1])) + cycle_displacement(
+        clips.cycle_translation[clip], yaw, float(cycle)
+    )
+    return wp.transform(
+        wp.vec3(planar[0], planar[1], position[2]), yaw_rotation(turn) * clips.root_orientation[index]
+    )
+
+
+@wp.func
+def reference_root(clips: ReferenceClips, placement: Placement, world: int, frame: float) -> wp.transform:
+    """Return the reference root pose in the world: positions linear, rotation slerp."""
+    clip = placement.clip[world]
+    whole = int(wp.floor(frame))
+    fraction = frame - wp.floor(frame)
+    a = whole_frame_pose(clips, clip, whole)
+    b = whole_frame_pose(clips, clip, whole + 1)
+    position = wp.transform_get_translation(a) * (1.0 - fraction) + wp.transform_get_translation(b) * fraction
+    rotation = slerp(wp.transform_get_rotation(a), wp.transform_get_rotation(b), fraction)
+    heading = placement.heading[world]
+    planar = rotate_planar(heading, wp.vec2(position[0], position[1])) + placement.origin[world]
+    return wp.transform(wp.vec3(planar[0], planar[1], position[2]), yaw_rotation(heading) * rotation)
+
+
+@wp.func
+def frame_index(clips: ReferenceClips, clip: int, frame: int) -> int:
+    """Return where a whole frame of a clip lies in the packed arrays."""
+    num_frames = clips.num_frames[clip]
+    return clips.first_frame[clip] + frame - (frame // num_frames) * num_frames
+
+
+@wp.func
+def interpolate_turned(
+    clips: ReferenceClips, values: wp.array(dtype=wp.vec3), placement: Placement, world: int, frame: float
+) -> wp.vec3:
+    """Interpolate a vector field of a clip and turn it by cycle and heading into the world frame."""
+    clip = placement.clip[world]
+    num_frames = clips.num_frames[clip]
+    whole = int(wp.floor(frame))
+    fraction = frame - wp.floor(frame)
+    yaw = clips.cycle_yaw[clip]
+    heading = placement.heading[world]
+    a = wp.quat_rotate(
+        yaw_rotation(heading + float(whole // num_frames) * yaw), values[frame_index(clips, clip, whole)]
+    )
+    b = wp.quat_rotate(
+        yaw_rotation(heading + float((whole + 1) // num_frames) * yaw), values[frame_index(clips, clip, whole + 1)]
+    )
+    return a * (1.0 - fraction) + b * fraction
+
+
+@wp.func
+def interpolate_joint(
+    clips: ReferenceClips, values: wp.array2d(dtype=float), clip: int, frame: float, joint: int
+) -> float:
+    """Interpolate a joint quantity of a clip."""
+    whole = int(wp.floor(frame))
+    fraction = frame - wp.floor(frame)
+    a = values[frame_index(clips, clip, whole), joint]
+    b = values[frame_index(clips, clip, whole + 1), joint]
+    return a * (1.0 - fraction) + b * fraction
+
+
+@wp.kernel
+def sample_reference(
+    clips: ReferenceClips,
+    placement: Placement,
+    reference_step: wp.array(dtype=int),
+    reference: ReferenceState,
+):
+    """Write the reference state at the present step of each world. Launched over [num_worlds]."""
+    world = wp.tid()
+    clip = placement.clip[world]
+    frame = frame_at(clips, placement, world, float(reference_step[world]))
+    reference.root[world] = reference_root(clips, placement, world, frame)
+    reference.linear_velocity[world] = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    reference.angular_velocity[world] = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    for joint in range(12):
+        reference.joint_position[world, joint] = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
+        reference.joint_velocity[world, joint] = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)

@@ -1,0 +1,186 @@
+"""The start of an episode: reference-state initialisation at a random phase and heading."""
+
+import warp as wp
+
+from kine2go_warp.kernels.kinematics import LegGeometry, foot_position_b
+from kine2go_warp.kernels.reference import (
+    Placement,
+    ReferenceClips,
+    frame_at,
+    interpolate_joint,
+    interpolate_turned,
+    reference_root,
+)
+from kine2go_warp.kernels.state import RobotState, com_velocity_w
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class ResetRanges:
+    """Half widths of the uniform perturbations of the initial state."""
+
+    joint_position: float
+    """[rad]"""
+    joint_velocity: float
+    """[rad/s]"""
+    tilt: float
+    """Roll and pitch [rad]."""
+    linear_velocity: float
+    """[m/s]"""
+    angular_velocity: float
+    """[rad/s]"""
+
+
+@wp.func
+def random_stream(seed: wp.uint32, episode: int, stream: int) -> wp.uint32:
+    """Return a generator of its own for each world, episode and purpose (0 to 7)."""
+    return wp.rand_init(int(seed), 8 * episode + stream)
+
+
+@wp.func
+def random_vector(seed: wp.uint32, episode: int, stream: int, half_width: float) -> wp.vec3:
+    """Return a vector with independent uniform components in [-half_width, half_width)."""
+    rng = random_stream(seed, episode, stream)
+    return wp.vec3(
+        wp.randf(rng, -half_width, half_width),
+        wp.randf(rng, -half_width, half_width),
+        wp.randf(rng, -half_width, half_width),
+    )
+
+
+@wp.func
+def place_reference(
+    clips: ReferenceClips, placement: Placement, world: int, clip: int, phase: float, heading: float
+) -> float:
+    """Choose clip, start phase and heading of a world, put the reference root above the world's origin.
+
+    Returns:
+        The place in the clip [frames].
+    """
+    placement.clip[world] = clip
+    placement.start_phase[world] = phase
+    placement.heading[world] = heading
+    placement.origin[world] = wp.vec2(0.0, 0.0)
+    frame = frame_at(clips, placement, world, 0.0)
+    position = wp.transform_get_translation(reference_root(clips, placement, world, frame))
+    placement.origin[world] = wp.vec2(-position[0], -position[1])
+    return frame
+
+
+@wp.func
+def lowest_foot(geometry: LegGeometry, robot: RobotState, rotation: wp.quat, world: int) -> float:
+    """Return the height of the lowest point of the foot spheres above the root [m], negative as a rule."""
+    lowest = float(0.0)
+    for leg in range(4):
+        first = 7 + 3 * leg
+        foot = foot_position_b(
+            geometry,
+            leg,
+            robot.joint_q[world, first],
+            robot.joint_q[world, first + 1],
+            robot.joint_q[world, first + 2],
+        )
+        lowest = wp.min(lowest, wp.quat_rotate(rotation, foot)[2] - geometry.foot_radius)
+    return lowest
+
+
+@wp.kernel
+def draw_episodes(
+    done: wp.array(dtype=wp.int64),
+    seed: wp.array(dtype=wp.uint32),
+    episode: wp.array(dtype=int),
+    clips: ReferenceClips,
+    placement: Placement,
+    reference_step: wp.array(dtype=int),
+    episode_length: wp.array(dtype=wp.int64),
+):
+    """Draw clip, phase and heading for every world that is done, and restart its counters."""
+    world = wp.tid()
+    if done[world] == wp.int64(0):
+        return
+    episode[world] = episode[world] + 1
+    rng = random_stream(seed[world], episode[world], 0)
+    clip = wp.min(int(wp.randf(rng) * float(clips.num_frames.shape[0])), clips.num_frames.shape[0] - 1)
+    phase = wp.randf(rng)
+    heading = wp.randf(rng, -wp.PI, wp.PI)
+    place_reference(clips, placement, world, clip, phase, heading)
+    reference_step[world] = 0
+    episode_length[world] = wp.int64(0)
+
+
+@wp.kernel
+def reset_robots(
+    done: wp.array(dtype=wp.int64),
+    seed: wp.array(dtype=wp.uint32),
+    episode: wp.array(dtype=int),
+    clips: ReferenceClips,
+    placement: Placement,
+    geometry: LegGeometry,
+    ranges: ResetRanges,
+    joint_lower: wp.array(dtype=float),
+    joint_upper: wp.array(dtype=float),
+    robot: RobotState,
+    queue: wp.array3d(dtype=float),
+    joint_target: wp.array2d(dtype=float),
+    torque: wp.array2d(dtype=float),
+    warm_start: wp.array2d(dtype=float),
+):
+    """Put every world that is done on its reference, perturbed, with no foot below the floor.
+
+    The target queue is filled with the initial joint positions, so that the motors hold the pose until the first
+    action takes effect. The solver's warm start is cleared: a value that is not finite would poison the new episode.
+    """
+    world = wp.tid()
+    if done[world] == wp.int64(0):
+        return
+    rng = random_stream(seed[world], episode[world], 1)
+    clip = placement.clip[world]
+    frame = frame_at(clips, placement, world, 0.0)
+    for joint in range(12):
+        position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
+        position += wp.randf(rng, -ranges.joint_position, ranges.joint_position)
+        position = wp.clamp(position, joint_lower[joint], joint_upper[joint])
+        velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
+        robot.joint_q[world, 7 + joint] = position
+        robot.joint_qd[world, 6 + joint] = velocity + wp.randf(rng, -ranges.joint_velocity, ranges.joint_velocity)
+        joint_target[world, joint] = position
+        torque[world, joint] = 0.0
+        for slot in range(queue.shape[1]):
+            queue[world, slot, joint] = position
+
+    root = reference_root(clips, placement, world, frame)
+    tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
+    rotation = wp.normalize(
+        wp.transform_get_rotation(root) * wp.quat_rpy(tilt[0], tilt[1], 0.0)
+    )
+    position = wp.transform_get_translation(root)
+    height = wp.max(position[2], -lowest_foot(geometry, robot, rotation, world))
+    robot.joint_q[world, 0] = position[0]
+    robot.joint_q[world, 1] = position[1]
+    robot.joint_q[world, 2] = height
+    for axis in range(4):
+        robot.joint_q[world, 3 + axis] = rotation[axis]
+
+    linear = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    linear += random_vector(seed[world], episode[world], 3, ranges.linear_velocity)
+    angular += random_vector(seed[world], episode[world], 4, ranges.angular_velocity)
+    linear = com_velocity_w(linear, angular, rotation, robot.com_b[world])
+    for axis in range(3):
+        robot.joint_qd[world, axis] = linear[axis]
+        robot.joint_qd[world, 3 + axis] = angular[axis]
+    for index in range(warm_start.shape[1]):
+        warm_start[world, index] = 0.0
+
+
+@wp.kernel
+def advance_counters(
+    control_step: wp.array(dtype=int), reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64)
+):
+    """Count one control step. Launched over [num_worlds]; ``control_step`` is shared, shape [1]."""
+    world = wp.tid()
+    reference_step[world] = reference_step[world] + 1
+    episode_length[world] = episode_length[world] + wp.int64(1)
+    if world == 0:
+        control_step[0] = control_step[0] + 1

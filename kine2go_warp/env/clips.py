@@ -1,0 +1,64 @@
+"""Motion clips on the device."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState
+from kine2go_warp.motions.clip import MotionClip
+
+
+def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: wp.Device) -> ReferenceClips:
+    """Pack clips one after another on a device.
+
+    Args:
+        clips: At least one clip.
+        control_duration: Duration of a control step [s].
+        device: Where to.
+    """
+    if not clips:
+        raise ClipError("an environment needs at least one clip")
+
+    def packed(field: str) -> np.ndarray:
+        return np.concatenate([getattr(clip, field) for clip in clips]).astype(np.float32)
+
+    lengths = np.array([clip.num_frames for clip in clips])
+    steps = [[clip.cycle.x, clip.cycle.y] for clip in clips]
+    reference = ReferenceClips()
+    reference.root_position = wp.array(packed("root_position"), dtype=wp.vec3, device=device)
+    reference.root_orientation = wp.array(packed("root_orientation")[:, [1, 2, 3, 0]], dtype=wp.quat, device=device)
+    reference.root_linear_velocity = wp.array(packed("root_linear_velocity"), dtype=wp.vec3, device=device)
+    reference.root_angular_velocity = wp.array(packed("root_angular_velocity"), dtype=wp.vec3, device=device)
+    reference.joint_position = wp.array(packed("joint_position"), dtype=float, device=device)
+    reference.joint_velocity = wp.array(packed("joint_velocity"), dtype=float, device=device)
+    reference.first_frame = wp.array(np.cumsum(lengths) - lengths, dtype=int, device=device)
+    reference.num_frames = wp.array(lengths, dtype=int, device=device)
+    reference.frames_per_step = wp.array(
+        [control_duration / clip.frame_duration for clip in clips], dtype=float, device=device
+    )
+    reference.cycle_translation = wp.array(np.array(steps, dtype=np.float32), dtype=wp.vec2, device=device)
+    reference.cycle_yaw = wp.array([clip.cycle.yaw for clip in clips], dtype=float, device=device)
+    return reference
+
+
+def make_placement(num_worlds: int, device: wp.Device) -> Placement:
+    """Return the place of the reference in each world: clip 0 from its beginning, unturned."""
+    placement = Placement()
+    placement.clip = wp.zeros(num_worlds, dtype=int, device=device)
+    placement.start_phase = wp.zeros(num_worlds, dtype=float, device=device)
+    placement.heading = wp.zeros(num_worlds, dtype=float, device=device)
+    placement.origin = wp.zeros(num_worlds, dtype=wp.vec2, device=device)
+    return placement
+
+
+def make_reference_state(num_worlds: int, device: wp.Device) -> ReferenceState:
+    """Return buffers for the reference at one instant."""
+    reference = ReferenceState()
+    reference.root = wp.zeros(num_worlds, dtype=wp.transform, device=device)
+    reference.linear_velocity = wp.zeros(num_worlds, dtype=wp.vec3, device=device)
+    reference.angular_velocity = wp.zeros(num_worlds, dtype=wp.vec3, device=device)
+    reference.joint_position = wp.zeros((num_worlds, 12), dtype=float, device=device)
+    reference.joint_velocity = wp.zeros((num_worlds, 12), dtype=float, device=device)
+    return reference

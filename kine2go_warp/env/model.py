@@ -1,0 +1,136 @@
+"""The Newton model: many worlds with one robot each on a common floor."""
+
+from dataclasses import dataclass
+
+import newton
+import numpy as np
+import warp as wp
+
+from kine2go_warp.env.config import EnvConfig, SolverConfig
+from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.kernels.contacts import ROLE_BODY, ROLE_IGNORED, ROLE_LEG
+from kine2go_warp.kernels.kinematics import LegGeometry
+from kine2go_warp.robots import RobotSpec
+
+FLOOR_FRICTION = 1e-3
+"""Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
+
+
+def build_model(spec: RobotSpec, config: EnvConfig, device: wp.Device) -> newton.Model:
+    """Build a model of ``config.num_worlds`` worlds.
+
+    The robot stands in its default pose, which also tells the solver how many contacts to expect.
+    """
+    robot = robot_builder(spec, config.solver)
+    scene = newton.ModelBuilder()
+    for _ in range(config.num_worlds):
+        scene.add_world(robot)
+    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION))
+    return scene.finalize(device=device)
+
+
+def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
+    """Return the builder of one robot, with capsules for legs and torque-driven joints."""
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    builder.default_shape_cfg.mu = config.friction
+    builder.default_joint_cfg.armature = spec.armature
+    builder.add_urdf(
+        str(spec.urdf), floating=True, enable_self_collisions=False, collapse_fixed_joints=True, hide_visuals=True
+    )
+    for shape, kind in enumerate(builder.shape_type):
+        if kind == newton.GeoType.CYLINDER:
+            radius, half_length, _ = builder.shape_scale[shape]
+            builder.shape_type[shape] = newton.GeoType.CAPSULE
+            builder.shape_scale[shape] = (radius, half_length - radius, 0.0)
+    for dof in range(6, 18):
+        builder.joint_target_mode[dof] = int(newton.JointTargetMode.EFFORT)
+    joints = [label.split("/")[-1] for label in builder.joint_label[1:]]
+    if tuple(joints) != spec.joint_names:
+        raise Kine2GoError(f"{spec.urdf}: joints are ordered {joints}, not {list(spec.joint_names)}")
+    builder.joint_q[:7] = [0.0, 0.0, spec.default_root_height, 0.0, 0.0, 0.0, 1.0]
+    builder.joint_q[7:] = list(spec.default_joint_position)
+    return builder
+
+
+def build_solver(model: newton.Model, config: SolverConfig) -> newton.solvers.SolverMuJoCo:
+    """Return the MuJoCo Warp solver of a model."""
+    return newton.solvers.SolverMuJoCo(
+        model,
+        iterations=config.iterations,
+        ls_iterations=config.line_search_iterations,
+        tolerance=config.tolerance,
+        njmax=config.max_constraints,
+        nconmax=config.max_contacts,
+        cone="pyramidal",
+        integrator="implicitfast",
+        # One unused weld a floating base would otherwise take constraint rows.
+        kinematic_switchable_roots=False,
+    )
+
+
+def silence_iteration_warnings(solver: newton.solvers.SolverMuJoCo) -> None:
+    """Stop the solver from printing whenever it uses all its iterations, which is normal in a batch."""
+    import mujoco_warp
+
+    solver.mjw_model.opt.warn_overflow &= ~(
+        mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
+    )
+
+
+def geom_roles(model: newton.Model, solver: newton.solvers.SolverMuJoCo, spec: RobotSpec) -> np.ndarray:
+    """Return what each of the solver's shapes is: a foot (0 to 3), body, leg or ignored, shape [num_geoms].
+
+    Shapes are told by the names of their links, never by their order; feet are the spheres on the calves, with which
+    the foot links are merged.
+    """
+    shapes = solver.mjc_geom_to_newton_shape.numpy()[0]
+    bodies, kinds = model.shape_body.numpy(), model.shape_type.numpy()
+    calves = {f"{leg.name}_calf": index for index, leg in enumerate(spec.legs)}
+    roles = np.full(len(shapes), int(ROLE_IGNORED), dtype=np.int32)
+    for geom, shape in enumerate(shapes):
+        if shape < 0 or bodies[shape] < 0:
+            continue
+        link = model.body_label[bodies[shape]].split("/")[-1]
+        if link == spec.base_link:
+            roles[geom] = int(ROLE_BODY)
+        elif link in calves and kinds[shape] == newton.GeoType.SPHERE:
+            roles[geom] = calves[link]
+        else:
+            roles[geom] = int(ROLE_LEG)
+    if sorted(role for role in roles if 0 <= role < 4) != [0, 1, 2, 3]:
+        raise Kine2GoError(f"{spec.urdf}: expected one sphere on each of {sorted(calves)}")
+    return roles
+
+
+def base_com(model: newton.Model, num_worlds: int) -> np.ndarray:
+    """Return the centre of mass of the base link in its own frame for every world [m], shape [num_worlds, 3]."""
+    per_world = model.body_count // num_worlds
+    return model.body_com.numpy()[::per_world].copy()
+
+
+def leg_geometry(spec: RobotSpec, device: wp.Device) -> LegGeometry:
+    """Return the legs' dimensions for kernels."""
+    geometry = LegGeometry()
+    geometry.hip_offset = wp.array([leg.hip_offset for leg in spec.legs], dtype=wp.vec3, device=device)
+    geometry.thigh_offset = wp.array([leg.thigh_offset for leg in spec.legs], dtype=wp.vec3, device=device)
+    geometry.thigh_length = spec.legs[0].thigh_length
+    geometry.calf_length = spec.legs[0].calf_length
+    geometry.foot_radius = spec.foot_radius
+    return geometry
+
+
+@dataclass(frozen=True)
+class SpecArrays:
+    """The robot's constants on the device, each of shape [12]."""
+
+    default_position: wp.array
+    joint_lower: wp.array
+    joint_upper: wp.array
+    effort: wp.array
+
+    @classmethod
+    def upload(cls, spec: RobotSpec, device: wp.Device) -> "SpecArrays":
+        """Copy the constants to a device."""
+        values = (spec.default_joint_position, spec.joint_lower, spec.joint_upper, spec.joint_effort)
+        return cls(*(wp.array(value, dtype=float, device=device) for value in values))

@@ -1,0 +1,176 @@
+"""The reference clip that the simulation tracks: one exact period of a motion on the robot."""
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.files import atomic_file
+from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
+from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import foot_positions
+
+Array = NDArray[np.float64]
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class ClipOrigin:
+    """Where a clip comes from, kept with everything made of it."""
+
+    source: str = ""
+    file: str = ""
+    sha256: str = ""
+    start: int = 0
+    end: int = 0
+    source_rate: float = 0.0
+    licence: str = ""
+    citation: str = ""
+
+
+@dataclass(frozen=True)
+class MotionClip:
+    """One cycle of ``num_frames`` frames. Frame ``num_frames`` is frame 0 moved on by ``cycle``.
+
+    World frame: z up, floor at height 0, frame 0 at the origin with heading 0. Velocities are central differences
+    across the seam.
+    """
+
+    name: str
+    frame_duration: float
+    """Time from one frame to the next [s]."""
+    root_position: Array
+    """Base link origin [m], shape [num_frames, 3]."""
+    root_orientation: Array
+    """Base link orientation (w, x, y, z), sign-continuous, shape [num_frames, 4]."""
+    joint_position: Array
+    """Joint positions [rad], shape [num_frames, 12]."""
+    root_linear_velocity: Array
+    """Velocity of the base link origin [m/s], shape [num_frames, 3]."""
+    root_angular_velocity: Array
+    """Angular velocity of the base, world frame [rad/s], shape [num_frames, 3]."""
+    joint_velocity: Array
+    """Joint velocities [rad/s], shape [num_frames, 12]."""
+    foot_position: Array
+    """Foot centres by forward kinematics, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
+    residual: Array
+    """Largest distance of a foot from its retargeting target [m], shape [num_frames]."""
+    cycle: CycleStep
+    """Displacement of one whole cycle."""
+    origin: ClipOrigin
+
+    @property
+    def num_frames(self) -> int:
+        """Frames in one cycle."""
+        return len(self.root_position)
+
+    @property
+    def period(self) -> float:
+        """Duration of one cycle [s]."""
+        return self.num_frames * self.frame_duration
+
+    def resampled(self, rate: float, spec: RobotSpec) -> "MotionClip":
+        """Return the same motion in time with about ``rate`` frames per second.
+
+        The period is kept exactly, so the frame duration may differ from ``1 / rate`` by half a frame a period.
+        Positions and joints are interpolated by cubic splines, rotations by slerp.
+        """
+        from scipy.interpolate import CubicSpline
+        from scipy.spatial.transform import Slerp
+
+        num_frames = max(round(self.period * rate), 3)
+        time = np.arange(num_frames) * (self.period / num_frames)
+        margin = 4
+        poses = extend_cyclically(
+            self.root_position, self.root_orientation, self.joint_position, self.cycle, margin, margin
+        )
+        known = np.arange(-margin, self.num_frames + margin) * self.frame_duration
+        rotation = Slerp(known, to_rotation(poses.root_orientation))(time)
+        return assemble_clip(
+            self.name,
+            self.period / num_frames,
+            CubicSpline(known, poses.root_position)(time),
+            rotation.as_quat()[:, [3, 0, 1, 2]],
+            CubicSpline(known, poses.joint_position)(time),
+            np.interp(time, known[margin:-margin], self.residual),
+            self.cycle,
+            self.origin,
+            spec,
+        )
+
+    def save(self, path: Path) -> None:
+        """Write the clip as ``.npz`` (plain arrays, no pickles)."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.type is Array}
+        header = {
+            "format_version": FORMAT_VERSION,
+            "name": self.name,
+            "frame_duration": self.frame_duration,
+            "cycle": asdict(self.cycle),
+            "origin": asdict(self.origin),
+        }
+        with atomic_file(path) as temporary:
+            np.savez_compressed(temporary, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> "MotionClip":
+        """Read a clip written by ``save``.
+
+        Raises:
+            ClipError: the file is missing, not a clip, or of another format version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                header = json.loads(str(data["header"]))
+                arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
+        except FileNotFoundError:
+            raise ClipError(f"{path}: no such clip; make it with 'kine2go retarget'") from None
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({error})") from None
+        if header.get("format_version") != FORMAT_VERSION:
+            raise ClipError(f"{path}: clip format {header.get('format_version')}, expected {FORMAT_VERSION}")
+        return cls(
+            name=header["name"],
+            frame_duration=header["frame_duration"],
+            cycle=CycleStep(**header["cycle"]),
+            origin=ClipOrigin(**header["origin"]),
+            **arrays,
+        )
+
+
+def assemble_clip(
+    name: str,
+    frame_duration: float,
+    root_position: Array,
+    root_orientation: Array,
+    joint_position: Array,
+    residual: Array,
+    cycle: CycleStep,
+    origin: ClipOrigin,
+    spec: RobotSpec,
+) -> MotionClip:
+    """Complete a closed cycle of poses with velocities and feet."""
+    poses = extend_cyclically(root_position, root_orientation, joint_position, cycle, 1, 1)
+    span = 2.0 * frame_duration
+    turns = to_rotation(poses.root_orientation[2:]) * to_rotation(poses.root_orientation[:-2]).inv()
+    rotation = to_rotation(poses.root_orientation[1:-1]).as_matrix()
+    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, joint_position))
+    return MotionClip(
+        name=name,
+        frame_duration=frame_duration,
+        root_position=root_position,
+        root_orientation=poses.root_orientation[1:-1],
+        joint_position=joint_position,
+        root_linear_velocity=(poses.root_position[2:] - poses.root_position[:-2]) / span,
+        root_angular_velocity=turns.as_rotvec() / span,
+        joint_velocity=(poses.joint_position[2:] - poses.joint_position[:-2]) / span,
+        foot_position=feet + root_position[:, None],
+        residual=residual,
+        cycle=cycle,
+        origin=origin,
+    )

@@ -1,0 +1,80 @@
+"""Frame-by-frame inverse kinematics with placo (paper, section 3.1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import placo
+from numpy.typing import NDArray
+
+from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.robots import RobotSpec
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RobotTrajectory:
+    """Joint-space result, frame by frame."""
+
+    root_position: Array
+    """Base link origin [m], shape [num_frames, 3]."""
+    root_orientation: Array
+    """Base link orientation (w, x, y, z), shape [num_frames, 4]."""
+    joint_position: Array
+    """Joint positions [rad], shape [num_frames, 12]."""
+    residual: Array
+    """Largest distance of a foot from its target [m], shape [num_frames]."""
+
+
+class InverseKinematics:
+    """Solves for the joint positions that put base and feet on their targets, within the joint limits.
+
+    Each frame starts from the solution of the last one. A frame is solved until no foot is farther than ``tolerance``
+    from its target or ``max_iterations`` are used up, which happens only where a target is out of reach.
+    """
+
+    def __init__(self, spec: RobotSpec, tolerance: float = 1e-4, max_iterations: int = 8) -> None:
+        self.spec = spec
+        self.tolerance = tolerance
+        self.max_iterations = max_iterations
+        self.robot = placo.RobotWrapper(str(spec.urdf), placo.Flags.ignore_collisions)
+        self.solver = placo.KinematicsSolver(self.robot)
+        self.solver.enable_joint_limits(True)
+        self.base_task = self.solver.add_frame_task(spec.base_link, np.eye(4))
+        self.base_task.configure(spec.base_link, "soft", 1.0, 1.0)
+        self.foot_tasks = [self.solver.add_position_task(link, np.zeros(3)) for link in spec.foot_links]
+        for task, link in zip(self.foot_tasks, spec.foot_links, strict=True):
+            task.configure(link, "soft", 1.0)
+        self.joint_slots = [self.robot.get_joint_offset(joint) for joint in spec.joint_names]
+
+    def solve(self, targets: PoseTargets) -> RobotTrajectory:
+        """Solve all frames, starting from the robot's standing pose."""
+        matrices = np.tile(np.eye(4), (len(targets.time), 1, 1))
+        matrices[:, :3, :3] = to_rotation(targets.root_orientation).as_matrix()
+        matrices[:, :3, 3] = targets.root_position
+        joints = np.empty((len(targets.time), 12))
+        residual = np.empty(len(targets.time))
+        for joint, position in zip(self.spec.joint_names, self.spec.default_joint_position, strict=True):
+            self.robot.set_joint(joint, position)
+        for frame, (matrix, feet) in enumerate(zip(matrices, targets.foot_position, strict=True)):
+            residual[frame] = self._solve_frame(matrix, feet)
+            joints[frame] = self.robot.state.q[self.joint_slots]
+        return RobotTrajectory(targets.root_position, targets.root_orientation, joints, residual)
+
+    def _solve_frame(self, base: Array, feet: Array) -> float:
+        """Solve one frame and return the largest distance of a foot from its target [m]."""
+        # The base has no limits: putting it on its target outright leaves the solver only the legs to move.
+        self.robot.set_T_world_fbase(base)
+        self.base_task.T_world_frame = base
+        for task, target in zip(self.foot_tasks, feet, strict=True):
+            task.target_world = target
+        self.robot.update_kinematics()
+        error = np.inf
+        for _ in range(self.max_iterations):
+            self.solver.solve(True)
+            self.robot.update_kinematics()
+            error = max(task.error_norm() for task in self.foot_tasks)
+            if error < self.tolerance:
+                break
+        return error

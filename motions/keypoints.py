@@ -1,0 +1,82 @@
+"""What every source delivers: named points of an animal in metres, z up, with true time stamps."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import ClipError
+
+LEG_NAMES = ("FL", "FR", "RL", "RR")
+
+KEYPOINTS = ("pelvis", "neck", *(f"{leg}_hip" for leg in LEG_NAMES), *(f"{leg}_toe" for leg in LEG_NAMES))
+"""The points that retargeting needs, in the order of ``KeypointMotion.position``."""
+
+MINIMUM_FRAMES = 3
+"""Central differences and a cycle need at least this many frames."""
+
+
+@dataclass(frozen=True)
+class KeypointMotion:
+    """Trajectories of the ten keypoints of a four-legged animal."""
+
+    time: NDArray[np.float64]
+    """Time stamps [s], shape [num_frames], evenly spaced."""
+    position: NDArray[np.float64]
+    """Positions in the ``KEYPOINTS`` order [m], z up, shape [num_frames, 10, 3]."""
+
+    def __post_init__(self) -> None:
+        if self.position.shape != (len(self.time), len(KEYPOINTS), 3):
+            raise ClipError(f"keypoints have shape {self.position.shape}, not ({len(self.time)}, {len(KEYPOINTS)}, 3)")
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames."""
+        return len(self.time)
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return (self.num_frames - 1) / float(self.time[-1] - self.time[0])
+
+    def point(self, name: str) -> NDArray[np.float64]:
+        """Return one keypoint's trajectory [m], shape [num_frames, 3]."""
+        return self.position[:, KEYPOINTS.index(name)]
+
+    def points(self, kind: str) -> NDArray[np.float64]:
+        """Return ``hip`` or ``toe`` of all legs (FL, FR, RL, RR) [m], shape [num_frames, 4, 3]."""
+        return np.stack([self.point(f"{leg}_{kind}") for leg in LEG_NAMES], axis=1)
+
+    def frames(self, start: int, stop: int) -> "KeypointMotion":
+        """Return the frames ``start`` to ``stop`` (exclusive)."""
+        return replace(self, time=self.time[start:stop], position=self.position[start:stop])
+
+    def scaled(self, factor: float) -> "KeypointMotion":
+        """Return the motion of an animal ``factor`` times as large."""
+        return replace(self, position=self.position * factor)
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """A range of frames as in Python slices; an ``end`` of -1 means up to and including the last frame."""
+
+    start: int = 0
+    end: int = -1
+
+    def resolve(self, num_frames: int, where: str) -> tuple[int, int]:
+        """Return start and exclusive end for a clip of ``num_frames``.
+
+        Raises:
+            ClipError: the range leaves the clip or holds too few frames.
+        """
+        end = num_frames if self.end == -1 else self.end
+        if not 0 <= self.start < end <= num_frames:
+            raise ClipError(
+                f"{where}: frames {self.start} to {self.end} are not within its {num_frames} frames; "
+                f"choose 0 <= start < end <= {num_frames} (or end = -1)"
+            )
+        if end - self.start < MINIMUM_FRAMES:
+            raise ClipError(
+                f"{where}: {end - self.start} frame(s) selected; a motion needs at least {MINIMUM_FRAMES}"
+            )
+        return self.start, end

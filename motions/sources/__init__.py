@@ -1,0 +1,22 @@
+"""One class per source of motion clips."""
+
+from kine2go_warp.errors import CatalogueError
+from kine2go_warp.motions.sources.ai4animation import AI4Animation
+from kine2go_warp.motions.sources.base import MotionSource
+
+SOURCES: dict[str, type[MotionSource]] = {source.name: source for source in (AI4Animation,)}
+"""All sources by the name that catalogue entries use."""
+
+
+def source_named(name: str) -> MotionSource:
+    """Return the source of that name.
+
+    Raises:
+        CatalogueError: there is none.
+    """
+    if name not in SOURCES:
+        raise CatalogueError(f"unknown motion source '{name}'; known are: {', '.join(sorted(SOURCES))}")
+    return SOURCES[name]()
+
+
+__all__ = ["SOURCES", "AI4Animation", "MotionSource", "source_named"]

@@ -1,0 +1,30 @@
+"""The interface of a source."""
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import ClassVar
+
+from kine2go_warp.motions.keypoints import KeypointMotion
+
+
+class MotionSource(ABC):
+    """Reads one file format and knows how the animal in it compares with the robot."""
+
+    name: ClassVar[str]
+    """Name used in the catalogue."""
+    scale: ClassVar[float]
+    """Size of the robot over the size of the animal."""
+    root_drop: ClassVar[float] = 0.04
+    """How far the robot's base lies below the midpoint of pelvis and neck, after scaling [m]."""
+    forward_lift: ClassVar[float] = 0.04
+    """Added to the height of the neck in the forward direction, after scaling [m]."""
+    foot_outward: ClassVar[float] = 0.1
+    """How far the feet are moved outwards, for the robot's thighs sit beside its hips [m]."""
+
+    @abstractmethod
+    def read(self, path: Path) -> KeypointMotion:
+        """Read a whole file.
+
+        Raises:
+            ClipError: the file is missing or malformed; the message names file and line.
+        """

@@ -1,0 +1,83 @@
+"""From an animal's keypoints to the poses that the robot's base and feet should take (paper, section 3.1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.motions.rotations import from_matrices, heading, to_rotation, turn_planar
+from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.robots import RobotSpec
+
+Array = NDArray[np.float64]
+
+STANCE_QUANTILE = 0.05
+"""A toe counts as standing at this quantile of its height: lower values are capture noise."""
+
+
+@dataclass(frozen=True)
+class PoseTargets:
+    """Task-space targets of the robot, frame by frame, in the source's world frame with the floor at height 0."""
+
+    time: Array
+    """Time stamps [s], shape [num_frames]."""
+    root_position: Array
+    """Base link origin [m], shape [num_frames, 3]."""
+    root_orientation: Array
+    """Base link orientation (w, x, y, z), shape [num_frames, 4]."""
+    foot_position: Array
+    """Foot centres, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
+
+
+def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) -> PoseTargets:
+    """Map an animal's keypoints onto the robot.
+
+    The base sits below the midpoint of pelvis and neck and looks from pelvis to neck. Each foot lies where the
+    animal's toe lies relative to its hip, seen from the robot's own hip, moved outwards by the width of the thigh. A
+    toe standing on the animal's floor becomes a foot standing on the robot's: the foot's *centre* is one foot radius
+    up, and the base rises by the mean of what the feet rise.
+
+    Raises:
+        ClipError: the animal's body has no extent, so that it has no forward direction.
+    """
+    scaled = motion.scaled(source.scale)
+    orientation = root_orientation(scaled, source.forward_lift)
+    toes, hips = scaled.points("toe"), scaled.points("hip")
+    stance_height = np.quantile(toes[..., 2], STANCE_QUANTILE, axis=0)
+
+    root = 0.5 * (scaled.point("pelvis") + scaled.point("neck"))
+    root[:, 2] += spec.foot_radius - float(stance_height.mean()) - source.root_drop
+
+    hip_offsets = np.array([leg.hip_offset for leg in spec.legs])
+    rotation = to_rotation(orientation).as_matrix()
+    robot_hips = root[:, None] + np.einsum("tij,kj->tki", rotation, hip_offsets)
+    feet = robot_hips + toes - hips
+    outward = np.zeros((len(root), 4, 3))
+    outward[..., 1] = source.foot_outward * np.sign(hip_offsets[:, 1])
+    feet += turn_planar(outward, heading(orientation)[:, None])
+    feet[..., 2] = spec.foot_radius + np.maximum(toes[..., 2] - stance_height, 0.0)
+    return PoseTargets(motion.time, root, orientation, feet)
+
+
+def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:
+    """Return the orientation of the trunk (w, x, y, z), shape [num_frames, 4].
+
+    Forward is the direction from pelvis to (lifted) neck, left the mean of the lines across shoulders and hips.
+    """
+    forward = motion.point("neck") - motion.point("pelvis") + np.array([0.0, 0.0, forward_lift])
+    hips = motion.points("hip")
+    left = (hips[:, 0] - hips[:, 1]) + (hips[:, 2] - hips[:, 3])
+    x = _unit(forward)
+    y = _unit(left - np.sum(left * x, axis=-1, keepdims=True) * x)
+    return from_matrices(np.stack([x, y, np.cross(x, y)], axis=-1))
+
+
+def _unit(vectors: Array) -> Array:
+    """Return vectors of length 1."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if np.any(length < 1e-6):
+        frame = int(np.argmin(length))
+        raise ClipError(f"frame {frame}: the animal's trunk has no length or no width, so it has no orientation")
+    return vectors / length

@@ -1,0 +1,35 @@
+"""The Unitree Go2."""
+
+from pathlib import Path
+
+from kine2go_warp.robots.spec import LEG_JOINTS, RobotSpec, UrdfReader
+
+
+def _load() -> RobotSpec:
+    reader = UrdfReader(Path(__file__).with_name("go2.urdf").resolve())
+    leg_names = ("FL", "FR", "RL", "RR")
+    joints = tuple(f"{leg}_{joint}_joint" for leg in leg_names for joint in LEG_JOINTS)
+    feet = tuple(f"{leg}_foot" for leg in leg_names)
+    return RobotSpec(
+        name="go2",
+        urdf=reader.path,
+        legs=tuple(reader.leg(leg) for leg in leg_names),
+        joint_names=joints,
+        base_link="base",
+        foot_links=feet,
+        foot_radius=reader.sphere_radius("FL_foot"),
+        joint_lower=reader.joint_limits(joints, "lower"),
+        joint_upper=reader.joint_limits(joints, "upper"),
+        joint_effort=reader.joint_limits(joints, "effort"),
+        joint_speed=reader.joint_limits(joints, "velocity"),
+        default_joint_position=(0.0, 0.8, -1.5) * 2 + (0.0, 1.0, -1.5) * 2,
+        default_root_height=0.31,
+        # The URDF holds link inertias only; 0.01 kg m^2 is the rotor inertia that MuJoCo Menagerie's Go2 uses.
+        armature=0.01,
+        action_scale=0.25,
+        sdk_motor_order=tuple(f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in LEG_JOINTS),
+    )
+
+
+GO2 = _load()
+"""The robot that the whole package is built for."""

@@ -1,0 +1,54 @@
+"""Closed-form forward kinematics in NumPy, vectorised over any leading dimensions, in double precision."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.robots.spec import RobotSpec
+
+Array = NDArray[np.float64]
+
+
+def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return hip, thigh and calf joint centres and foot centres in the base frame.
+
+    Args:
+        spec: The robot.
+        joint_position: Joint positions [rad], shape [..., 12].
+
+    Returns:
+        Positions [m], shape [..., 4 legs, 4 points, 3].
+    """
+    angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
+    points = np.empty((*angles.shape[:-1], 4, 3))
+    for index, leg in enumerate(spec.legs):
+        roll, pitch, knee = np.moveaxis(angles[..., index, :], -1, 0)
+        hip = np.broadcast_to(leg.hip_offset, (*roll.shape, 3))
+        thigh = hip + _rotate_x(roll, np.broadcast_to(leg.thigh_offset, hip.shape))
+        calf = thigh + _rotate_x(roll, _down(pitch, leg.thigh_length))
+        foot = calf + _rotate_x(roll, _down(pitch + knee, leg.calf_length))
+        points[..., index, :, :] = np.stack([hip, thigh, calf, foot], axis=-2)
+    return points
+
+
+def link_positions(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return the points named by ``RobotSpec.link_names`` in the base frame [m], shape [..., 16, 3]."""
+    points = leg_points(spec, joint_position)
+    joints = points[..., :3, :].reshape(*points.shape[:-3], 12, 3)
+    return np.concatenate([joints, points[..., 3, :]], axis=-2)
+
+
+def foot_positions(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return the foot centres in the base frame [m], shape [..., 4, 3]."""
+    return leg_points(spec, joint_position)[..., 3, :]
+
+
+def _down(pitch: Array, length: float) -> Array:
+    """Return the vector of a link that hangs straight down at zero pitch, turned about the y axis."""
+    return np.stack([-length * np.sin(pitch), np.zeros_like(pitch), -length * np.cos(pitch)], axis=-1)
+
+
+def _rotate_x(angle: Array, vector: Array) -> Array:
+    """Turn vectors about the x axis."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y, z = np.moveaxis(vector, -1, 0)
+    return np.stack([x, cosine * y - sine * z, sine * y + cosine * z], axis=-1)
