@@ -110,26 +110,23 @@ def draw_episodes(
 
 
 @wp.kernel
-def reset_robots(
+def reset_joints(
     done: wp.array(dtype=wp.int64),
     seed: wp.array(dtype=wp.uint32),
     episode: wp.array(dtype=int),
     clips: ReferenceClips,
     placement: Placement,
-    geometry: LegGeometry,
     ranges: ResetRanges,
     joint_lower: wp.array(dtype=float),
     joint_upper: wp.array(dtype=float),
     robot: RobotState,
     queue: wp.array3d(dtype=float),
-    joint_target: wp.array2d(dtype=float),
     torque: wp.array2d(dtype=float),
-    warm_start: wp.array2d(dtype=float),
 ):
-    """Put every world that is done on its reference, perturbed, with no foot below the floor.
+    """Put the joints of every world that is done on its reference, perturbed but within their limits.
 
     The target queue is filled with the initial joint positions, so that the motors hold the pose until the first
-    action takes effect. The solver's warm start is cleared: a value that is not finite would poison the new episode.
+    action takes effect.
     """
     world = wp.tid()
     if done[world] == wp.int64(0):
@@ -144,21 +141,39 @@ def reset_robots(
         velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
         robot.joint_q[world, 7 + joint] = position
         robot.joint_qd[world, 6 + joint] = velocity + wp.randf(rng, -ranges.joint_velocity, ranges.joint_velocity)
-        joint_target[world, joint] = position
         torque[world, joint] = 0.0
         for slot in range(queue.shape[1]):
             queue[world, slot, joint] = position
 
+
+@wp.kernel
+def reset_root(
+    done: wp.array(dtype=wp.int64),
+    seed: wp.array(dtype=wp.uint32),
+    episode: wp.array(dtype=int),
+    clips: ReferenceClips,
+    placement: Placement,
+    geometry: LegGeometry,
+    ranges: ResetRanges,
+    robot: RobotState,
+    warm_start: wp.array2d(dtype=float),
+):
+    """Put the root of every world that is done on its reference, perturbed, with no foot below the floor.
+
+    Launched after ``reset_joints``. The solver's warm start is cleared: a value that is not finite would poison the
+    new episode.
+    """
+    world = wp.tid()
+    if done[world] == wp.int64(0):
+        return
+    frame = frame_at(clips, placement, world, 0.0)
     root = reference_root(clips, placement, world, frame)
     tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
-    rotation = wp.normalize(
-        wp.transform_get_rotation(root) * wp.quat_rpy(tilt[0], tilt[1], 0.0)
-    )
+    rotation = wp.normalize(wp.transform_get_rotation(root) * wp.quat_rpy(tilt[0], tilt[1], 0.0))
     position = wp.transform_get_translation(root)
-    height = wp.max(position[2], -lowest_foot(geometry, robot, rotation, world))
     robot.joint_q[world, 0] = position[0]
     robot.joint_q[world, 1] = position[1]
-    robot.joint_q[world, 2] = height
+    robot.joint_q[world, 2] = wp.max(position[2], -lowest_foot(geometry, robot, rotation, world))
     for axis in range(4):
         robot.joint_q[world, 3 + axis] = rotation[axis]
 

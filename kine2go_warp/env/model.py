@@ -25,7 +25,7 @@ def build_model(spec: RobotSpec, config: EnvConfig, device: wp.Device) -> newton
     scene = newton.ModelBuilder()
     for _ in range(config.num_worlds):
         scene.add_world(robot)
-    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION))
+    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION, gap=0.0))
     return scene.finalize(device=device)
 
 
@@ -34,6 +34,8 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     builder.default_shape_cfg.mu = config.friction
+    # Without it the solver lists every shape within 0.1 m of the floor as a contact.
+    builder.default_shape_cfg.gap = 0.0
     builder.default_joint_cfg.armature = spec.armature
     builder.add_urdf(
         str(spec.urdf), floating=True, enable_self_collisions=False, collapse_fixed_joints=True, hide_visuals=True

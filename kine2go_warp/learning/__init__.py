@@ -1,0 +1,1 @@
+"""Learning to track a clip with RSL-RL's PPO."""
