@@ -101,9 +101,7 @@ def whole_frame_pose(clips: ReferenceClips, clip: int, frame: int) -> wp.transfo
     planar = rotate_planar(turn, wp.vec2(position[0], position[1])) + cycle_displacement(
         clips.cycle_translation[clip], yaw, float(cycle)
     )
-    return wp.transform(
-        wp.vec3(planar[0], planar[1], position[2]), yaw_rotation(turn) * clips.root_orientation[index]
-    )
+    return wp.transform(wp.vec3(planar[0], planar[1], position[2]), yaw_rotation(turn) * clips.root_orientation[index])
 
 
 @wp.func

@@ -50,6 +50,4 @@ def slerp(a: wp.quat, b: wp.quat, fraction: float) -> wp.quat:
     angle = 2.0 * wp.asin(wp.min(half_chord, 1.0))
     if angle < 1.0e-3:
         return wp.normalize(a * (1.0 - fraction) + target * fraction)
-    return wp.normalize(
-        (a * wp.sin((1.0 - fraction) * angle) + target * wp.sin(fraction * angle)) / wp.sin(angle)
-    )
+    return wp.normalize((a * wp.sin((1.0 - fraction) * angle) + target * wp.sin(fraction * angle)) / wp.sin(angle))

@@ -21,9 +21,7 @@ class RobotState:
 @wp.func
 def root_orientation(robot: RobotState, world: int) -> wp.quat:
     """Return the orientation of the base link in the world."""
-    return wp.quat(
-        robot.joint_q[world, 3], robot.joint_q[world, 4], robot.joint_q[world, 5], robot.joint_q[world, 6]
-    )
+    return wp.quat(robot.joint_q[world, 3], robot.joint_q[world, 4], robot.joint_q[world, 5], robot.joint_q[world, 6])
 
 
 @wp.func

@@ -1,9 +1,8 @@
-"""Files and folders that appear whole or not at all."""
+"""Files that appear whole or not at all."""
 
 import contextlib
 import hashlib
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,31 +24,6 @@ def atomic_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-@contextlib.contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary sibling folder to fill; put it in the place of ``path`` if the block succeeds.
-
-    An older folder at ``path`` is moved aside first and deleted last, so that at no moment a half-written folder bears
-    the final name.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".tmp-{path.name}-{os.getpid()}")
-    old = path.with_name(f".old-{path.name}-{os.getpid()}")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir()
-    try:
-        yield temporary
-        for file in temporary.rglob("*"):
-            if file.is_file():
-                flush_to_disk(file)
-        if path.exists():
-            path.rename(old)
-        temporary.rename(path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
-
-
 def flush_to_disk(path: Path) -> None:
     """Make the operating system write ``path`` to the disk, so that a rename cannot overtake the data."""
     descriptor = os.open(path, os.O_RDONLY)
@@ -57,6 +31,13 @@ def flush_to_disk(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def flush_folder(folder: Path) -> None:
+    """Write every file below ``folder`` to the disk."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            flush_to_disk(path)
 
 
 def sha256_of(path: Path) -> str:

@@ -1,5 +1,6 @@
 """The reference clip that the simulation tracks: one exact period of a motion on the robot."""
 
+import hashlib
 import json
 import zipfile
 from dataclasses import asdict, dataclass, fields
@@ -74,6 +75,13 @@ class MotionClip:
     def period(self) -> float:
         """Duration of one cycle [s]."""
         return self.num_frames * self.frame_duration
+
+    def content_hash(self) -> str:
+        """Return a hash of the motion itself, equal for equal clips whatever file they are in."""
+        digest = hashlib.sha256(f"{self.name} {self.frame_duration!r} {self.cycle!r}".encode())
+        for array in (self.root_position, self.root_orientation, self.joint_position):
+            digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        return digest.hexdigest()[:16]
 
     def resampled(self, rate: float, spec: RobotSpec) -> "MotionClip":
         """Return the same motion in time with about ``rate`` frames per second.

@@ -76,7 +76,5 @@ class FrameRange:
                 f"choose 0 <= start < end <= {num_frames} (or end = -1)"
             )
         if end - self.start < MINIMUM_FRAMES:
-            raise ClipError(
-                f"{where}: {end - self.start} frame(s) selected; a motion needs at least {MINIMUM_FRAMES}"
-            )
+            raise ClipError(f"{where}: {end - self.start} frame(s) selected; a motion needs at least {MINIMUM_FRAMES}")
         return self.start, end

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import newton
 import numpy as np
 import warp as wp
 
@@ -106,8 +105,7 @@ class ImitationEnvironment:
         self.control = self.model.control()
         self.joint_force = self.control.joint_f.reshape((num_worlds, 18))
         self.coordinates = [
-            (state.joint_q.reshape((num_worlds, 19)), state.joint_qd.reshape((num_worlds, 18)))
-            for state in self.states
+            (state.joint_q.reshape((num_worlds, 19)), state.joint_qd.reshape((num_worlds, 18))) for state in self.states
         ]
         self.robot = RobotState()
         self.robot.joint_q, self.robot.joint_qd = self.coordinates[0]
@@ -225,9 +223,7 @@ class ImitationEnvironment:
                     self.torque,
                 ],
             )
-            self.solver.step(
-                self.states[now], self.states[after], self.control, None, self.config.substep_duration
-            )
+            self.solver.step(self.states[now], self.states[after], self.control, None, self.config.substep_duration)
 
     def _collect_contacts(self) -> None:
         """Read foot forces and falls of the last substep."""

@@ -7,8 +7,6 @@ from kine2go_warp.env.config import (
     ActionConfig,
     EnvConfig,
     MotorConfig,
-    ResetConfig,
-    RewardConfig,
     TerminationConfig,
 )
 from kine2go_warp.errors import Kine2GoError
@@ -92,20 +90,19 @@ FAST = Preset(
     env=EnvConfig(
         num_worlds=256,
         episode_time=10.0,
-        action=ActionConfig(form="reference", latency=0.0),
+        action=ActionConfig(form="reference"),
         motor=MotorConfig(stiffness=60.0, damping=2.0),
-        reward=RewardConfig(),
-        reset=ResetConfig(),
         termination=TerminationConfig(max_distance=0.4, max_angle=1.0),
     ),
     ppo=PpoConfig(
-        iterations=150,
+        iterations=120,
         hidden_sizes=(256, 128, 64),
         normalise_observations=True,
         initial_noise=0.4,
         entropy=0.002,
         discount=0.97,
-        save_interval=50,
+        desired_kl=0.03,
+        save_interval=20,
     ),
 )
 

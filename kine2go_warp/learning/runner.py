@@ -32,6 +32,11 @@ class TrainingProgress:
     steps_per_second: float
     """Control steps of all worlds in a second, learning included."""
 
+    def __str__(self) -> str:
+        return (
+            f"reward {self.reward:5.2f}  episode {self.episode_length:4.0f} steps  {self.steps_per_second:,.0f} steps/s"
+        )
+
 
 ProgressCallback = Callable[[TrainingProgress], None]
 
@@ -79,8 +84,11 @@ class ImitationRunner(OnPolicyRunner):
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Write a checkpoint whole or not at all."""
+        buffer = io.BytesIO()
+        torch.save({**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}, buffer)
+        # Through memory, since torch reports a full disk as an internal error.
         with atomic_file(Path(path)) as temporary:
-            super().save(str(temporary), infos)
+            temporary.write_bytes(buffer.getbuffer())
 
     def restore(self, path: Path) -> None:
         """Continue from a checkpoint, at the iteration after the one that it was written at."""
@@ -102,8 +110,3 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     if not isinstance(checkpoint, dict) or "actor_state_dict" not in checkpoint:
         raise PolicyError(f"{path}: not a checkpoint of 'kine2go train'")
     return checkpoint
-
-
-def checkpoints(folder: Path) -> list[Path]:
-    """Return the checkpoints in a policy folder, oldest first."""
-    return sorted(folder.glob("model_*.pt"), key=lambda path: int(path.stem.removeprefix("model_")))

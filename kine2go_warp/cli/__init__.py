@@ -1,0 +1,1 @@
+"""The ``kine2go`` command."""

@@ -1,0 +1,223 @@
+"""The commands: what each one takes, and what it does."""
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TypeVar
+
+import tyro
+
+from kine2go_warp.errors import CatalogueError
+from kine2go_warp.learning.train import TrainConfig
+from kine2go_warp.motions.retarget import RetargetConfig
+from kine2go_warp.rollouts.gather import GatherConfig
+
+DATA_VARIABLE = "KINE2GO_DATA"
+
+Positional = tyro.conf.Positional
+
+Config = TypeVar("Config", TrainConfig, GatherConfig)
+
+
+def data_folder(given: Path | None) -> Path | None:
+    """Return the folder of the source clips: the one given, or that of the environment variable.
+
+    Raises:
+        CatalogueError: it does not exist.
+    """
+    folder = given or (Path(os.environ[DATA_VARIABLE]) if os.environ.get(DATA_VARIABLE) else None)
+    if folder is not None and not folder.is_dir():
+        raise CatalogueError(f"{folder}: no such folder of source clips")
+    return folder
+
+
+def limit_threads() -> None:
+    """Keep torch to one thread: small networks lose more to waiting than they gain, above all on shared cores."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+@dataclass(frozen=True)
+class Retarget:
+    """Retarget motions of the catalogue to the Go2 and save them as clips."""
+
+    motions: Positional[tuple[str, ...]]
+    """Names of catalogue entries, such as dog_trot."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    out: Path = Path("runs/clips")
+    """Folder for the clips."""
+    config: RetargetConfig = field(default_factory=RetargetConfig)
+
+    def run(self) -> int:
+        """Retarget, save and print a table."""
+        from kine2go_warp.cli.tables import print_clips
+        from kine2go_warp.motions.catalogue import motion_named
+        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.retarget import retarget
+        from kine2go_warp.robots import GO2
+
+        if not self.motions:
+            raise CatalogueError("name at least one motion; 'kine2go doctor' lists them")
+        folder = data_folder(self.data)
+        solver = InverseKinematics(GO2)
+        clips = [retarget(motion_named(name), folder, solver, self.config) for name in self.motions]
+        for clip in clips:
+            clip.save(self.out / f"{clip.name}.npz")
+        print_clips(clips, self.out)
+        return 0
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a policy that tracks a clip. The same command continues a training that was interrupted."""
+
+    clip: Positional[Path]
+    """A clip (.npz) made by 'kine2go retarget'."""
+    out: Path | None = None
+    """Policy folder; by default runs/policies/NAME."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    overwrite: bool = False
+    """Start anew if the folder holds a policy of other clips or settings."""
+    config: TrainConfig = field(default_factory=TrainConfig)
+
+    def run(self) -> int:
+        """Train with a progress bar."""
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.learning.train import train
+        from kine2go_warp.motions.clip import MotionClip
+
+        limit_threads()
+        clip = MotionClip.load(self.clip)
+        folder = self.out or Path("runs/policies") / clip.name
+        with Progress() as progress:
+            progress.stage(clip.name, "train")
+            record = train(
+                [clip],
+                self.config,
+                folder,
+                self.device,
+                self.overwrite,
+                lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
+            )
+        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
+        return 0
+
+
+@dataclass(frozen=True)
+class Gather:
+    """Roll a policy out many times and add the good rollouts to a dataset."""
+
+    policy: Positional[Path]
+    """Policy folder made by 'kine2go train'."""
+    out: Path = Path("runs/dataset.zarr")
+    """The dataset, a Zarr store; it is created, or the motion is added to it."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    config: GatherConfig = field(default_factory=GatherConfig)
+
+    def run(self) -> int:
+        """Gather with a progress bar and print a table."""
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.cli.tables import print_summaries
+        from kine2go_warp.dataset.summary import summarise_motion
+        from kine2go_warp.dataset.writer import DatasetWriter
+        from kine2go_warp.learning.policy import PolicyFolder
+        from kine2go_warp.robots import GO2
+        from kine2go_warp.rollouts.gather import gather
+
+        limit_threads()
+        policy = PolicyFolder(self.policy)
+        policy.read_record()
+        with Progress() as progress:
+            progress.stage(self.policy.name, "gather")
+            result = gather(
+                policy,
+                DatasetWriter(self.out, GO2, {}),
+                self.config,
+                self.device,
+                lambda done, total: progress.advanced(done, total, ""),
+            )
+        print_summaries([summarise_motion(self.out, result.motion)], self.out)
+        return 0
+
+
+@dataclass(frozen=True)
+class Run:
+    """Take the motions of a recipe through all stages: retarget, train, gather, record."""
+
+    recipe: Positional[Path]
+    """A TOML file, or the name of a bundled recipe."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    out: Path | None = None
+    """Folder for the results; by default runs/NAME of the recipe."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    iterations: int | None = None
+    """PPO iterations, instead of the recipe's."""
+    trajectories: int | None = None
+    """Rollouts of each motion, instead of the recipe's."""
+    rows: int | None = None
+    """Rows of a trajectory, instead of the recipe's."""
+    seed: int | None = None
+    """Seed of training and gathering, instead of the recipe's."""
+
+    def run(self) -> int:
+        """Run the recipe with a progress bar and print a table of the data written."""
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.cli.tables import print_summaries
+        from kine2go_warp.dataset.summary import summarise_motion
+        from kine2go_warp.pipelines.recipe import load_recipe
+        from kine2go_warp.pipelines.runner import RecipeRunner, Workspace
+
+        limit_threads()
+        recipe = load_recipe(self.recipe)
+        training = {"iterations": self.iterations, "seed": self.seed}
+        gathering = {"trajectories": self.trajectories, "rows": self.rows, "seed": self.seed}
+        recipe = replace(recipe, train=overridden(recipe.train, training), gather=overridden(recipe.gather, gathering))
+        workspace = Workspace(self.out or Path("runs") / recipe.name)
+        with Progress() as progress:
+            runner = RecipeRunner(recipe, workspace, data_folder(self.data), self.device, progress)
+            result = runner.run()
+        if result.finished:
+            summaries = [summarise_motion(workspace.dataset, motion.motion) for motion in result.finished]
+            print_summaries(summaries, workspace.dataset, workspace.root / "recordings")
+        return 2 if result.failed else 0
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Run the whole pipeline on the bundled clip, in minutes and without any data of your own."""
+
+    out: Path = Path("runs/demo")
+    """Folder for the results."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+
+    def run(self) -> int:
+        """Run the recipe ``demo``."""
+        return Run(recipe=Path("demo"), out=self.out, device=self.device).run()
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Show versions, devices and which motions can be used here."""
+
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+
+    def run(self) -> int:
+        """Print what is found."""
+        from kine2go_warp.cli.tables import print_machine, print_motions
+
+        print_machine()
+        print_motions(data_folder(self.data))
+        return 0
+
+
+def overridden(config: Config, values: dict[str, int | None]) -> Config:
+    """Return settings with those values that are given."""
+    return replace(config, **{name: value for name, value in values.items() if value is not None})

@@ -1,0 +1,64 @@
+"""Parses the command line, and turns errors into one line and an exit status."""
+
+import errno
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+from kine2go_warp.cli.commands import Demo, Doctor, Gather, Retarget, Run, Train
+from kine2go_warp.errors import Kine2GoError
+
+Command = (
+    Annotated[Retarget, tyro.conf.subcommand("retarget")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Gather, tyro.conf.subcommand("gather")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+)
+
+USER_ERROR = 2
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit status: 0, 2 for an error that the user can mend, 130 if interrupted."""
+    command = tyro.cli(
+        Command,  # pyright: ignore[reportArgumentType]
+        prog="kine2go",
+        description="From quadruped motion clips to state-action data for the Unitree Go2.",
+        args=arguments,
+        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
+    )
+    try:
+        return command.run()
+    except Kine2GoError as error:
+        return report(str(error))
+    except OSError as error:
+        return report(explain(error))
+    except KeyboardInterrupt:
+        print("kine2go: interrupted; the same command continues where it stopped", file=sys.stderr)
+        return INTERRUPTED
+
+
+def report(message: str) -> int:
+    """Print an error in one line and return the exit status."""
+    print(f"kine2go: error: {' '.join(message.split())}", file=sys.stderr)
+    return USER_ERROR
+
+
+def explain(error: OSError) -> str:
+    """Return what went wrong with a file, and what to do."""
+    where = f"{error.filename}: " if error.filename else ""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"{where}no space left on the disk; free some and run the same command again, nothing finished is lost"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"{where}no permission to write or read here; choose another folder"
+    return f"{where}{error.strerror or error}"
+
+
+def entry_point() -> None:
+    """Run the console script."""
+    sys.exit(main())

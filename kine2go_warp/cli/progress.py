@@ -1,0 +1,83 @@
+"""Progress of long work: a live bar in a terminal, plain lines elsewhere."""
+
+import time
+from types import TracebackType
+
+import rich.progress
+from rich.console import Console
+
+from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.pipelines.runner import RunObserver
+from kine2go_warp.rollouts.gather import GatherResult
+
+PLAIN_INTERVAL = 10.0
+"""Least time between two plain lines of one stage [s]."""
+
+
+class Progress(RunObserver):
+    """Shows one line a stage. Use it as a context manager."""
+
+    def __init__(self) -> None:
+        self.console = Console(stderr=True)
+        self.live = rich.progress.Progress(
+            rich.progress.TextColumn("{task.fields[motion]:<24} {task.fields[stage]:<9}"),
+            rich.progress.BarColumn(bar_width=24),
+            rich.progress.MofNCompleteColumn(),
+            rich.progress.TimeElapsedColumn(),
+            rich.progress.TextColumn("left"),
+            rich.progress.TimeRemainingColumn(),
+            rich.progress.TextColumn("{task.fields[detail]}"),
+            console=self.console,
+            disable=not self.console.is_terminal,
+        )
+        self.task: rich.progress.TaskID | None = None
+        self.label = ""
+        self.last_line = 0.0
+
+    def __enter__(self) -> "Progress":
+        self.live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.live.stop()
+
+    def stage(self, motion: str, stage: str) -> None:
+        """A stage of a motion begins."""
+        self._complete()
+        self.label = f"{motion} {stage}"
+        self.last_line = time.monotonic()
+        if self.console.is_terminal:
+            self.task = self.live.add_task("", total=None, motion=motion, stage=stage, detail="")
+        else:
+            self.console.print(f"{self.label}: started")
+
+    def advanced(self, done: int, total: int, detail: str) -> None:
+        """The present stage has done some of its steps."""
+        if self.task is not None:
+            self.live.update(self.task, completed=done, total=total, detail=detail)
+        elif not self.console.is_terminal:
+            now = time.monotonic()
+            if done == total or now - self.last_line >= PLAIN_INTERVAL:
+                self.last_line = now
+                self.console.print(f"{self.label}: {done}/{total}  {detail}".rstrip(), highlight=False)
+
+    def finished(self, motion: str, result: GatherResult) -> None:
+        """All stages of a motion are done."""
+        self._complete()
+        rejected = ", ".join(f"{count} {reason}" for reason, count in result.rejected.items())
+        note = f" (rejected: {rejected})" if rejected else ""
+        self.console.print(f"{motion}: {result.accepted} rollouts accepted{note}", highlight=False)
+
+    def failed(self, motion: str, error: Kine2GoError) -> None:
+        """A motion ended with an error; the others go on."""
+        self._complete()
+        self.console.print(f"kine2go: error: {motion}: {error}", highlight=False, soft_wrap=True)
+
+    def _complete(self) -> None:
+        """Fill the bar of the stage that ends."""
+        if self.task is not None:
+            total = self.live.tasks[-1].total or 1
+            self.live.update(self.task, completed=total, total=total)
+            self.task = None

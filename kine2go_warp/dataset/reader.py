@@ -1,0 +1,61 @@
+"""Reading motions back from a store."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.schema import ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.dataset.writer import check_version
+from kine2go_warp.errors import DatasetError
+
+
+@dataclass(frozen=True)
+class MotionData:
+    """One motion of a dataset, in memory."""
+
+    name: str
+    attributes: dict[str, Any]
+    time: NDArray[np.float64]
+    """From the first kept row [s], shape [num_rows]."""
+    trajectories: Trajectories
+
+
+def motion_names(path: Path) -> list[str]:
+    """Return the names of the motions in a dataset.
+
+    Raises:
+        DatasetError: there is no dataset at ``path``.
+    """
+    if not (path / "zarr.json").is_file():
+        raise DatasetError(f"{path}: no dataset here; make one with 'kine2go gather' or 'kine2go run'")
+    check_version(path)
+    return sorted(zarr.open_group(path, mode="r").group_keys())
+
+
+def read_motion(path: Path, motion: str) -> MotionData:
+    """Read a whole motion.
+
+    Raises:
+        DatasetError: the dataset or the motion is missing, or an array cannot be read.
+    """
+    names = motion_names(path)
+    if motion not in names:
+        raise DatasetError(f"{path}: holds no motion '{motion}'; it has: {', '.join(names) or 'none'}")
+    group = zarr.open_group(path / motion, mode="r")
+
+    def read(name: str) -> NDArray:
+        try:
+            return np.asarray(group[name][...])  # pyright: ignore[reportIndexIssue]
+        except Exception as error:
+            raise DatasetError(f"{path}/{motion}/{name}: cannot be read ({error.__class__.__name__})") from None
+
+    trajectories = Trajectories(
+        rows={array.name: read(array.name) for array in ROW_ARRAYS},
+        draws={array.name: read(array.name) for array in TRAJECTORY_ARRAYS},
+    )
+    return MotionData(motion, dict(group.attrs), read("time"), trajectories)

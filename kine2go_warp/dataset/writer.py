@@ -1,0 +1,194 @@
+"""Writing motions into a store, each whole or not at all."""
+
+import os
+import shutil
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+from zarr.codecs import ZstdCodec
+
+from kine2go_warp import __version__
+from kine2go_warp.dataset.quality import tracking_quality
+from kine2go_warp.dataset.schema import (
+    FORMAT_VERSION,
+    FRAMES_NOTE,
+    QUALITY_ARRAYS,
+    ROW_ARRAYS,
+    TRAJECTORY_ARRAYS,
+    ArraySpec,
+    coordinates,
+)
+from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.files import flush_folder
+from kine2go_warp.robots import RobotSpec
+
+
+class DatasetWriter:
+    """A dataset to which motions are added one by one.
+
+    A motion is written beside the store and renamed into it, so that the store holds whole motions only, also after a
+    kill.
+    """
+
+    def __init__(self, path: Path, spec: RobotSpec, root_attributes: Mapping[str, Any]) -> None:
+        """Open a store, or create it.
+
+        Args:
+            path: Folder of the store.
+            spec: The robot.
+            root_attributes: What is common to all motions, added to the robot's own figures.
+
+        Raises:
+            DatasetError: something else lies at ``path``, or a dataset of another format version.
+        """
+        self.path, self.spec = path, spec
+        if path.exists() and not (path / "zarr.json").is_file():
+            raise DatasetError(f"{path}: exists and is not a dataset; choose another name")
+        if path.exists():
+            check_version(path)
+        self._discard_leftovers()
+        group = zarr.open_group(path, mode="a", zarr_format=3)
+        group.attrs.update({**robot_attributes(spec), **root_attributes})
+
+    def motions(self) -> list[str]:
+        """Return the names of the motions in the store."""
+        return sorted(zarr.open_group(self.path, mode="r").group_keys())
+
+    def attributes(self, motion: str) -> dict[str, Any]:
+        """Return the attributes of a motion, empty if it is not there."""
+        if not (self.path / motion / "zarr.json").is_file():
+            return {}
+        return dict(zarr.open_group(self.path / motion, mode="r").attrs)
+
+    def write(
+        self, motion: str, trajectories: Trajectories, frame_duration: float, attributes: Mapping[str, Any]
+    ) -> None:
+        """Add a motion, replacing an older one of that name."""
+        staging = self._staging(motion)
+        shutil.rmtree(staging, ignore_errors=True)
+        try:
+            self._write_group(staging, trajectories.padded(), frame_duration, attributes)
+            flush_folder(staging)
+            self._put_in_place(staging, self.path / motion)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+
+    def _staging(self, motion: str) -> Path:
+        """Return where a motion is written before it is put in place, on the same file system as the store."""
+        return self.path.with_name(f".tmp-{self.path.name}-{motion}-{os.getpid()}")
+
+    def _put_in_place(self, staging: Path, final: Path) -> None:
+        """Rename a finished motion into the store."""
+        if final.exists():
+            old = self._staging(f"old-{final.name}")
+            final.rename(old)
+            staging.rename(final)
+            shutil.rmtree(old)
+        else:
+            staging.rename(final)
+
+    def _discard_leftovers(self) -> None:
+        """Remove what killed processes left beside the store."""
+        for leftover in self.path.parent.glob(f".tmp-{self.path.name}-*"):
+            pid = leftover.name.rpartition("-")[2]
+            if pid.isdigit() and not Path(f"/proc/{pid}").exists():
+                shutil.rmtree(leftover, ignore_errors=True)
+
+    def _write_group(
+        self, folder: Path, trajectories: Trajectories, frame_duration: float, attributes: Mapping[str, Any]
+    ) -> None:
+        """Write one motion as a group of its own."""
+        group = zarr.open_group(folder, mode="w", zarr_format=3)
+        group.attrs.update({**attributes, "coordinates": "time"})
+        for name, labels in coordinates(self.spec).items():
+            write_labels(group, name, labels)
+        time = np.arange(trajectories.num_rows) * frame_duration
+        write_array(group, ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"), time)
+        write_array(
+            group,
+            ArraySpec("trajectory", ("trajectory",), "1", "number of the trajectory", "int32"),
+            np.arange(trajectories.num_trajectories),
+        )
+        for array in ROW_ARRAYS:
+            write_array(group, array, trajectories.rows[array.name])
+        for array in TRAJECTORY_ARRAYS:
+            write_array(group, array, trajectories.draws[array.name])
+        quality = group.create_group("quality")
+        figures = tracking_quality(trajectories.rows)
+        for array in QUALITY_ARRAYS:
+            write_array(quality, array, figures[array.name])
+
+
+def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:
+    """Write one array: a chunk a trajectory, one shard in all, lossless."""
+    values = np.asarray(values, dtype=array.dtype)
+    chunks = (1, *values.shape[1:]) if values.ndim > 1 else values.shape
+    target = group.create_array(
+        array.name,
+        shape=values.shape,
+        dtype=values.dtype,
+        chunks=chunks,
+        shards=values.shape if values.ndim > 1 else None,
+        compressors=ZstdCodec(level=3),
+        fill_value=np.nan if values.dtype.kind == "f" else 0,
+        dimension_names=array.dims,
+        attributes={"units": array.unit, "description": array.description},
+    )
+    target[...] = values
+
+
+def write_labels(group: zarr.Group, name: str, labels: tuple[str, ...]) -> None:
+    """Write the labels of a dimension as its coordinate."""
+    with warnings.catch_warnings():
+        # Fixed-length text is not in the Zarr 3 core specification yet, but every reader we know takes it.
+        warnings.simplefilter("ignore")
+        target = group.create_array(
+            name,
+            shape=(len(labels),),
+            dtype=f"<U{max(map(len, labels))}",
+            chunks=(len(labels),),
+            dimension_names=(name,),
+        )
+        target[...] = np.array(labels)
+
+
+def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
+    """Return what a consumer must know of format and robot."""
+    return {
+        "format": "kine2go",
+        "format_version": FORMAT_VERSION,
+        "software_version": __version__,
+        "conventions": FRAMES_NOTE,
+        "robot": spec.name,
+        "robot_model_sha256": spec.model_hash,
+        "joint_names": list(spec.joint_names),
+        "foot_names": list(spec.foot_links),
+        "link_names": list(spec.link_names),
+        "default_joint_position": list(spec.default_joint_position),
+        "action_scale": spec.action_scale,
+        "sdk_motor_order": list(spec.sdk_motor_order),
+    }
+
+
+def check_version(path: Path) -> None:
+    """Check that a store is one of ours.
+
+    Raises:
+        DatasetError: it is not, or its format version is another.
+    """
+    try:
+        attributes = zarr.open_group(path, mode="r").attrs
+    except Exception as error:
+        raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
+    if attributes.get("format") != "kine2go":
+        raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
+    if attributes.get("format_version") != FORMAT_VERSION:
+        raise DatasetError(
+            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes {FORMAT_VERSION}"
+        )

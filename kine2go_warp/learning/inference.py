@@ -1,0 +1,51 @@
+"""A trained policy that acts, with as much noise as wanted."""
+
+import contextlib
+import copy
+import io
+from pathlib import Path
+
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.presets import Preset
+from kine2go_warp.learning.runner import load_checkpoint
+from kine2go_warp.learning.vec_env import ImitationVecEnv
+
+
+class NoisyPolicy:
+    """The actor of a checkpoint. Sampling has a generator of its own, so that a seed fixes the rollouts."""
+
+    def __init__(self, env: ImitationVecEnv, preset: Preset, checkpoint: Path, noise: float, seed: int) -> None:
+        """Load the actor.
+
+        Args:
+            env: The environment that it acts in.
+            preset: Settings that it was trained with.
+            checkpoint: File of the weights.
+            noise: Noise on the outputs, in standard deviations of the policy.
+            seed: Seed of the noise.
+        """
+        settings = preset.ppo.runner_settings(seed)
+        actor = copy.deepcopy(settings["actor"])
+        actor.pop("class_name")
+        weights = load_checkpoint(checkpoint, env.device)["actor_state_dict"]
+        with contextlib.redirect_stdout(io.StringIO()):
+            model = MLPModel(env.get_observations(), settings["obs_groups"], "actor", env.num_actions, **actor)
+        try:
+            model.load_state_dict(weights)
+        except RuntimeError as error:
+            raise PolicyError(f"{checkpoint}: does not fit its settings ({str(error).splitlines()[0]})") from None
+        self.model = model.to(env.device).eval()
+        self.noise = noise
+        self.generator = torch.Generator(env.device).manual_seed(seed)
+
+    @torch.inference_mode()
+    def __call__(self, observation: TensorDict) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return mean and sampled output, each of shape [num_worlds, 12]."""
+        self.model(observation, stochastic_output=True)
+        mean, deviation = self.model.output_distribution_params
+        sample = torch.randn(mean.shape, generator=self.generator, device=mean.device)
+        return mean, mean + self.noise * deviation * sample

@@ -1,0 +1,119 @@
+"""The folder of a policy: checkpoints, the clips that it tracks, and how it was trained."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kine2go_warp import __version__
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.files import atomic_file, sha256_of
+from kine2go_warp.learning.presets import Preset
+from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.settings import from_dictionary, to_dictionary
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class PolicyRecord:
+    """What ``policy.json`` says about a policy."""
+
+    preset: Preset
+    """Resolved settings."""
+    clips: tuple[str, ...]
+    """Files of the clips within the folder."""
+    fingerprint: str
+    """Hash of clips and settings."""
+    iterations: int
+    """Iterations done."""
+    seconds: float
+    """Time spent on training [s]."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether training has reached its last iteration."""
+        return self.iterations >= self.preset.ppo.iterations
+
+
+class PolicyFolder:
+    """Reads and writes the files of one policy."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @property
+    def record_file(self) -> Path:
+        """The file that makes a folder a policy folder."""
+        return self.path / "policy.json"
+
+    @property
+    def exists(self) -> bool:
+        """Whether training has begun here."""
+        return self.record_file.is_file()
+
+    def write_record(self, record: PolicyRecord) -> None:
+        """Write ``policy.json``."""
+        values: dict[str, Any] = {
+            "format_version": FORMAT_VERSION,
+            "software_version": __version__,
+            "clips": list(record.clips),
+            "fingerprint": record.fingerprint,
+            "iterations": record.iterations,
+            "seconds": record.seconds,
+            "preset": to_dictionary(record.preset),
+        }
+        with atomic_file(self.record_file) as temporary:
+            temporary.write_text(json.dumps(values, indent=2) + "\n")
+
+    def read_record(self) -> PolicyRecord:
+        """Read ``policy.json``.
+
+        Raises:
+            PolicyError: the folder is missing, not a policy, or of another format version.
+        """
+        try:
+            values = json.loads(self.record_file.read_text())
+            if values["format_version"] != FORMAT_VERSION:
+                raise PolicyError(f"{self.path}: policy format {values['format_version']}, expected {FORMAT_VERSION}")
+            return PolicyRecord(
+                preset=from_dictionary(Preset, values["preset"], str(self.record_file), PolicyError),
+                clips=tuple(values["clips"]),
+                fingerprint=values["fingerprint"],
+                iterations=values["iterations"],
+                seconds=values["seconds"],
+            )
+        except FileNotFoundError:
+            raise PolicyError(f"{self.path}: no policy here; make one with 'kine2go train'") from None
+        except (ValueError, KeyError, TypeError, OSError) as error:
+            raise PolicyError(f"{self.record_file}: cannot be read ({error})") from None
+
+    def write_clips(self, clips: tuple[MotionClip, ...]) -> tuple[str, ...]:
+        """Copy the clips into the folder, so that it stands on its own, and return their file names."""
+        names = tuple(f"{clip.name}.npz" for clip in clips)
+        for clip, name in zip(clips, names, strict=True):
+            clip.save(self.path / name)
+        return names
+
+    def read_clips(self, record: PolicyRecord) -> tuple[MotionClip, ...]:
+        """Read the clips that the policy tracks."""
+        return tuple(MotionClip.load(self.path / name) for name in record.clips)
+
+    def checkpoints(self) -> list[Path]:
+        """Return the checkpoints, oldest first."""
+        return sorted(self.path.glob("model_*.pt"), key=lambda path: int(path.stem.removeprefix("model_")))
+
+    def latest_checkpoint(self) -> Path:
+        """Return the newest checkpoint.
+
+        Raises:
+            PolicyError: there is none.
+        """
+        found = self.checkpoints()
+        if not found:
+            raise PolicyError(f"{self.path}: holds no checkpoint; train first")
+        return found[-1]
+
+    def checkpoint_hash(self) -> str:
+        """Return the SHA-256 of the newest checkpoint."""
+        return sha256_of(self.latest_checkpoint())

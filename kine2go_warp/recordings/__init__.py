@@ -1,0 +1,1 @@
+"""Rerun recordings of a dataset's motions, to look at."""

@@ -1,0 +1,1 @@
+"""Batched stochastic rollouts of trained policies."""

@@ -1,0 +1,209 @@
+"""The gathering stage: policy folder in, one motion of a dataset out."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.quality import tracking_quality
+from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
+from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.device import choose_device
+from kine2go_warp.env.config import EnvConfig, ResetConfig, TerminationConfig
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
+from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.settings import content_hash, to_dictionary
+
+if TYPE_CHECKING:
+    from kine2go_warp.env.environment import ImitationEnvironment
+
+
+@dataclass(frozen=True)
+class GatherConfig:
+    """Settings of the gathering stage."""
+
+    trajectories: int = 20
+    """Rollouts to run."""
+    rows: int = 571
+    """Rows of a trajectory after the trim."""
+    warm_up: float = 0.5
+    """Dropped from the beginning of each rollout, where the policy gets in step with the reference [s]."""
+    noise: float = 1.0
+    """Noise on the actions, in standard deviations of the policy."""
+    seed: int = 1
+    max_distance: float = 0.5
+    """A rollout whose root is ever farther than this from its reference is rejected [m]."""
+    max_angle: float = 0.8
+    """A rollout whose root is ever turned further than this from its reference is rejected [rad]."""
+    max_joint_rmse: float = 0.25
+    """A rollout whose joints track worse than this is rejected [rad]."""
+
+    def __post_init__(self) -> None:
+        if self.trajectories < 1 or self.rows < 2:
+            raise DatasetError("trajectories must be at least 1 and rows at least 2")
+        if self.noise < 0.0 or self.warm_up < 0.0:
+            raise DatasetError("noise and warm-up must not be negative")
+
+    def environment(self, trained: EnvConfig) -> EnvConfig:
+        """Return the environment to gather in: that of the training, with the limits of a good rollout."""
+        time = self.warm_up + (self.rows + 2) / trained.control_rate
+        return replace(
+            trained,
+            num_worlds=self.trajectories,
+            seed=self.seed,
+            episode_time=time,
+            reset=ResetConfig(),
+            termination=TerminationConfig(self.max_distance, self.max_angle),
+        )
+
+
+@dataclass(frozen=True)
+class GatherResult:
+    """What became of the rollouts of one motion."""
+
+    motion: str
+    accepted: int
+    rejected: dict[str, int]
+    """Number of rejected rollouts by reason."""
+    is_new: bool
+    """Whether the rollouts were run now, rather than found in the dataset."""
+
+
+def gather(
+    policy: PolicyFolder,
+    writer: DatasetWriter,
+    config: GatherConfig,
+    device: str | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+) -> GatherResult:
+    """Roll a policy out in a batch, reject falls and drift, and add the rest to a dataset.
+
+    Args:
+        policy: A trained policy.
+        writer: The dataset.
+        config: Settings.
+        device: Where to simulate; by default on CUDA where there is one.
+        on_step: Called with the control steps done and their total.
+
+    Raises:
+        PolicyError: the policy cannot be read.
+        DatasetError: no rollout was accepted.
+    """
+    record = policy.read_record()
+    clip = policy.read_clips(record)[0]
+    fingerprint = gather_fingerprint(policy, config)
+    known = writer.attributes(clip.name)
+    if known.get("fingerprint") == fingerprint:
+        return GatherResult(clip.name, known["accepted"], known["rejected"], is_new=False)
+    device = choose_device(device)
+    trajectories, failures = roll_out(policy, record, clip, config, device, on_step)
+    reasons = rejections(trajectories, failures, config)
+    accepted = np.array([reason == "" for reason in reasons])
+    rejected = dict(Counter(reason for reason in reasons if reason))
+    if not accepted.any():
+        found = ", ".join(f"{count} by {reason}" for reason, count in rejected.items())
+        raise DatasetError(f"{clip.name}: all {len(accepted)} rollouts were rejected ({found}); train longer")
+    attributes = {
+        "motion": clip.name,
+        **asdict(clip.origin),
+        "policy_sha256": policy.checkpoint_hash(),
+        "fingerprint": fingerprint,
+        "accepted": int(accepted.sum()),
+        "rejected": rejected,
+        "gather_settings": to_dictionary(config),
+        "training_settings": to_dictionary(record.preset),
+        "training_seconds": record.seconds,
+        "device": device,
+    }
+    writer.write(clip.name, trajectories.selected(accepted), record.preset.env.control_duration, attributes)
+    return GatherResult(clip.name, int(accepted.sum()), rejected, is_new=True)
+
+
+def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:
+    """Return a hash of policy and settings."""
+    return content_hash(policy.checkpoint_hash(), to_dictionary(config))
+
+
+def roll_out(
+    policy: PolicyFolder,
+    record: PolicyRecord,
+    clip: MotionClip,
+    config: GatherConfig,
+    device: str,
+    on_step: Callable[[int, int], None] | None,
+) -> tuple[Trajectories, NDArray[np.int32]]:
+    """Run all rollouts at once.
+
+    Returns:
+        The rollouts after the trim, and why each one failed (a number of ``REASON_NAMES``), 0 if it did not.
+    """
+    import torch
+    import warp as wp
+
+    from kine2go_warp.env.environment import ImitationEnvironment
+    from kine2go_warp.learning.inference import NoisyPolicy
+    from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+    from kine2go_warp.rollouts.recorder import RolloutRecorder
+
+    share_stream(device)
+    environment = ImitationEnvironment([clip], config.environment(record.preset.env), device)
+    env = ImitationVecEnv(environment)
+    actor = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), config.noise, config.seed)
+    recorder = RolloutRecorder(environment)
+    draws = read_draws(environment, config)
+
+    warm_up = round(config.warm_up * environment.config.control_rate)
+    total = warm_up + config.rows
+    reason = wp.to_torch(environment.reason)
+    failure = torch.zeros_like(reason)
+    survived = torch.zeros_like(reason)
+    observation = env.get_observations()
+    for step in range(total):
+        mean, output = actor(observation)
+        if step >= warm_up:
+            recorder.record_state()
+        observation, *_ = env.step(output)
+        if step >= warm_up:
+            recorder.record_action(mean, output)
+        failure = torch.where(failure == 0, reason, failure)
+        survived += (failure == 0).int()
+        if on_step is not None:
+            on_step(step + 1, total)
+    # The action of the row in which a rollout failed led to no state, but the row itself is whole.
+    rows_kept = (survived + (failure > 0).int() - warm_up).clamp(min=0)
+    draws["length"] = rows_kept.cpu().numpy().astype(np.int32)
+    rows = recorder.rows()
+    for name in ("root_orientation", "reference_root_orientation"):
+        rows[name] = continuous_quaternions(rows[name])
+    return Trajectories(rows, draws), failure.cpu().numpy()
+
+
+def read_draws(environment: "ImitationEnvironment", config: GatherConfig) -> dict[str, NDArray]:
+    """Return how each rollout was drawn, read when it begins."""
+    return {
+        "heading": environment.placement.heading.numpy().copy(),
+        "start_phase": environment.placement.start_phase.numpy().copy(),
+        "seed": environment.seed.numpy().copy(),
+        "noise": np.full(environment.num_worlds, config.noise, dtype=np.float32),
+    }
+
+
+def rejections(trajectories: Trajectories, failures: NDArray, config: GatherConfig) -> list[str]:
+    """Return why each rollout is rejected, an empty text if it is not."""
+    from kine2go_warp.kernels.terminations import REASON_NAMES, REASON_NONE
+
+    joint_rmse = np.full(len(failures), np.inf)
+    whole = failures == int(REASON_NONE)
+    if whole.any():
+        joint_rmse[whole] = tracking_quality(trajectories.selected(whole).rows)["joint_rmse"]
+    reasons = []
+    for failure, rmse in zip(failures, joint_rmse, strict=True):
+        if failure != int(REASON_NONE):
+            reasons.append(REASON_NAMES[failure])
+        else:
+            reasons.append("" if rmse <= config.max_joint_rmse else "joint_error")
+    return reasons

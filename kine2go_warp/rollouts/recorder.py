@@ -1,0 +1,121 @@
+"""Takes rows of state and action off the device without slowing it down."""
+
+import numpy as np
+import torch
+import warp as wp
+from numpy.typing import NDArray
+
+from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.kernels.kinematics import link_states
+from kine2go_warp.kernels.recording import record_reference, record_root
+from kine2go_warp.kernels.reference import sample_reference
+
+ROWS_ON_DEVICE = 128
+"""Rows buffered on the device before they are handed to the host."""
+
+
+class RolloutRecorder:
+    """Records every world of an environment, row by row.
+
+    ``record_state`` before a step and ``record_action`` after it make one row.
+    """
+
+    def __init__(self, environment: ImitationEnvironment) -> None:
+        self.environment = environment
+        self._allocate()
+        self._views = self._state_views()
+        self._buffers: dict[str, torch.Tensor] = {}
+        self._blocks: dict[str, list[NDArray]] = {}
+        self._filled = 0
+
+    def record_state(self) -> None:
+        """Record what is known before the policy acts."""
+        environment = self.environment
+        with wp.ScopedDevice(environment.device):
+            wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
+            wp.launch(
+                link_states,
+                dim=(environment.num_worlds, 4, 4),
+                inputs=[environment.robot, environment.geometry, *self._links],
+            )
+            place = [environment.reference_clips, environment.placement, environment.reference_step]
+            wp.launch(sample_reference, dim=environment.num_worlds, inputs=[*place, environment.reference])
+            wp.launch(
+                record_reference,
+                dim=environment.num_worlds,
+                inputs=[*place, environment.reference, environment.geometry, *self._reference],
+            )
+        for name, view in self._views.items():
+            self._store(name, view)
+
+    def record_action(self, mean_output: torch.Tensor, output: torch.Tensor) -> None:
+        """Record what the policy commanded and what it earned; completes the row."""
+        environment = self.environment
+        action_config, spec = environment.config.action, environment.spec
+        default = torch.tensor(spec.default_joint_position, device=output.device)
+        target = wp.to_torch(environment.joint_target)
+        action = (target - default) / spec.action_scale
+        limit = action_config.clip
+        offset = action_config.scale * (mean_output.clamp(-limit, limit) - output.clamp(-limit, limit))
+        self._store("joint_target", target)
+        self._store("action", action)
+        self._store("action_mean", action + offset / spec.action_scale)
+        self._store("reward", wp.to_torch(environment.reward_terms))
+        self._filled += 1
+        if self._filled == ROWS_ON_DEVICE:
+            self._hand_over()
+
+    def rows(self) -> dict[str, NDArray]:
+        """Return everything recorded, each of shape [num_worlds, num_rows, ...], and forget it."""
+        self._hand_over()
+        # One array at a time, so that blocks and result never lie in memory together for all of them.
+        return {name: np.concatenate(self._blocks.pop(name), axis=1) for name in list(self._blocks)}
+
+    def _allocate(self) -> None:
+        """Allocate what the recording kernels write."""
+        num_worlds = self.environment.num_worlds
+        with wp.ScopedDevice(self.environment.device):
+            self._root = [wp.zeros(num_worlds, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
+            self._links = [wp.zeros((num_worlds, 16), dtype=wp.vec3) for _ in range(2)]
+            self._reference = [
+                wp.zeros(num_worlds, dtype=wp.vec3),
+                wp.zeros(num_worlds, dtype=wp.vec4),
+                wp.zeros((num_worlds, 4), dtype=wp.vec3),
+                wp.zeros(num_worlds, dtype=float),
+                wp.zeros(num_worlds, dtype=int),
+            ]
+
+    def _state_views(self) -> dict[str, torch.Tensor]:
+        """Return the arrays of a row that are known before the policy acts, as tensors on the device."""
+        environment = self.environment
+        root = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity")
+        links = ("link_position", "link_linear_velocity")
+        reference = (
+            "reference_root_position",
+            "reference_root_orientation",
+            "reference_foot_position",
+            "phase",
+            "cycle",
+        )
+        arrays = dict(zip(root + links + reference, self._root + self._links + self._reference, strict=True))
+        arrays["reference_joint_position"] = environment.reference.joint_position
+        arrays["joint_torque"] = environment.torque
+        arrays["foot_contact_force"] = environment.foot_force
+        views = {name: wp.to_torch(array) for name, array in arrays.items()}
+        views["joint_position"] = wp.to_torch(environment.robot.joint_q)[:, 7:]
+        views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]
+        return views
+
+    def _store(self, name: str, value: torch.Tensor) -> None:
+        """Copy one value into the present row of its buffer."""
+        if name not in self._buffers:
+            shape = (ROWS_ON_DEVICE, *value.shape)
+            self._buffers[name] = torch.empty(shape, dtype=value.dtype, device=value.device)
+        self._buffers[name][self._filled].copy_(value)
+
+    def _hand_over(self) -> None:
+        """Move the buffered rows to the host."""
+        for name, buffer in self._buffers.items():
+            block = buffer[: self._filled].cpu().numpy()
+            self._blocks.setdefault(name, []).append(np.moveaxis(block, 0, 1).copy())
+        self._filled = 0

@@ -1,0 +1,1 @@
+"""Recipes and the runner that takes motions from clip to dataset."""
