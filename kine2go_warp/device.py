@@ -13,7 +13,7 @@ def choose_device(name: str | None) -> str:
     """
     import warp as wp
 
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_ERROR
     wp.init()
     known = [device.alias for device in wp.get_devices()]
     if name is None:

@@ -138,7 +138,7 @@ class MotionClip:
                 arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
         except FileNotFoundError:
             raise ClipError(f"{path}: no such clip; make it with 'kine2go retarget'") from None
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({error})") from None
         if header.get("format_version") != FORMAT_VERSION:
             raise ClipError(f"{path}: clip format {header.get('format_version')}, expected {FORMAT_VERSION}")

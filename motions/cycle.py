@@ -114,12 +114,13 @@ def close_cycle(poses: PoseSequence, blend_frames: int) -> tuple[PoseSequence, C
     tilts = yaw_rotation(-heading(poses.root_orientation)) * to_rotation(poses.root_orientation)
     tilt_seam = (tilts[-1] * tilts[0].inv()).as_rotvec()
     weight = seam_weights(num_frames, blend_frames)[:, None]
-    tilted = yaw_rotation(heading(poses.root_orientation[:-1])) * _rotvec(weight * tilt_seam) * tilts[:-1]
+    blended = from_rotation(_rotvec(weight * tilt_seam) * tilts[:-1])
+    turn = heading(poses.root_orientation[:-1]) - heading(blended)
+    orientation = continuous(from_rotation(yaw_rotation(turn) * to_rotation(blended)))
     position = poses.root_position[:-1].copy()
     position[:, 2] += weight[:, 0] * (end[2] - position[0, 2])
     joints = poses.joint_position[:-1] + weight * (poses.joint_position[-1] - poses.joint_position[0])
-    closed = recentred(PoseSequence(position, continuous(from_rotation(tilted)), joints))
-    return closed, cycle
+    return PoseSequence(position, orientation, joints), cycle
 
 
 def seam_weights(num_frames: int, blend_frames: int) -> Array:

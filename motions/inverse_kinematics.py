@@ -6,7 +6,7 @@ import numpy as np
 import placo
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.motions.rotations import continuous, to_rotation
 from kine2go_warp.motions.targets import PoseTargets
 from kine2go_warp.robots import RobotSpec
 
@@ -53,18 +53,20 @@ class InverseKinematics:
         matrices = np.tile(np.eye(4), (len(targets.time), 1, 1))
         matrices[:, :3, :3] = to_rotation(targets.root_orientation).as_matrix()
         matrices[:, :3, 3] = targets.root_position
-        joints = np.empty((len(targets.time), 12))
+        coordinates = np.empty((len(targets.time), len(self.robot.state.q)))
         residual = np.empty(len(targets.time))
         for joint, position in zip(self.spec.joint_names, self.spec.default_joint_position, strict=True):
             self.robot.set_joint(joint, position)
         for frame, (matrix, feet) in enumerate(zip(matrices, targets.foot_position, strict=True)):
             residual[frame] = self._solve_frame(matrix, feet)
-            joints[frame] = self.robot.state.q[self.joint_slots]
-        return RobotTrajectory(targets.root_position, targets.root_orientation, joints, residual)
+            coordinates[frame] = self.robot.state.q
+        # Where feet are out of reach the base gives way to them, so it is read back like the joints.
+        orientation = continuous(coordinates[:, [6, 3, 4, 5]])
+        return RobotTrajectory(coordinates[:, :3], orientation, coordinates[:, self.joint_slots], residual)
 
     def _solve_frame(self, base: Array, feet: Array) -> float:
         """Solve one frame and return the largest distance of a foot from its target [m]."""
-        # The base has no limits: putting it on its target outright leaves the solver only the legs to move.
+        # The base has no limits: starting it on its target leaves the solver only the legs to move, as a rule.
         self.robot.set_T_world_fbase(base)
         self.base_task.T_world_frame = base
         for task, target in zip(self.foot_tasks, feet, strict=True):

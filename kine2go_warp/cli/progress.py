@@ -13,6 +13,9 @@ from kine2go_warp.rollouts.gather import GatherResult
 PLAIN_INTERVAL = 10.0
 """Least time between two plain lines of one stage [s]."""
 
+FIRST_TIME_NOTES = {"train": "preparing; the first time on a machine, kernels are compiled for about a minute"}
+"""What to show where a stage may be silent for long."""
+
 
 class Progress(RunObserver):
     """Shows one line a stage. Use it as a context manager."""
@@ -48,10 +51,11 @@ class Progress(RunObserver):
         self._complete()
         self.label = f"{motion} {stage}"
         self.last_line = time.monotonic()
+        note = FIRST_TIME_NOTES.get(stage, "started")
         if self.console.is_terminal:
-            self.task = self.live.add_task("", total=None, motion=motion, stage=stage, detail="")
+            self.task = self.live.add_task("", total=None, motion=motion, stage=stage, detail=note)
         else:
-            self.console.print(f"{self.label}: started")
+            self.console.print(f"{self.label}: {note}", highlight=False)
 
     def advanced(self, done: int, total: int, detail: str) -> None:
         """The present stage has done some of its steps."""

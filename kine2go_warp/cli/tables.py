@@ -69,7 +69,7 @@ def print_machine() -> None:
     """Print versions and devices."""
     import warp as wp
 
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_ERROR
     wp.init()
     table = Table(title="software and devices", title_justify="left", show_header=False)
     table.add_row("Python", platform.python_version())

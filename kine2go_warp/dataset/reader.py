@@ -51,7 +51,7 @@ def read_motion(path: Path, motion: str) -> MotionData:
     def read(name: str) -> NDArray:
         try:
             return np.asarray(group[name][...])  # pyright: ignore[reportIndexIssue]
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
             raise DatasetError(f"{path}/{motion}/{name}: cannot be read ({error.__class__.__name__})") from None
 
     trajectories = Trajectories(

@@ -8,9 +8,9 @@ from kine2go_warp.robots import RobotSpec
 FORMAT_VERSION = "0.1"
 
 FRAMES_NOTE = (
-    "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t holds "
-    "the state that the policy saw at control step t and the action that it chose from it, so action[t] leads from "
-    "state[t] to state[t+1]. Forces and torques of row t are those of the physics substep that ended in state[t]; "
+    "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "
+    "holds the state that the policy saw at control step t and the action that it chose from it, so action[t] leads "
+    "from state[t] to state[t+1]. Forces and torques of row t are those of the physics substep that ended in state[t]; "
     "reward[t] is what action[t] earned."
 )
 

@@ -184,7 +184,7 @@ def check_version(path: Path) -> None:
     """
     try:
         attributes = zarr.open_group(path, mode="r").attrs
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
         raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
     if attributes.get("format") != "kine2go":
         raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")

@@ -1,6 +1,7 @@
 """The Newton model: many worlds with one robot each on a common floor."""
 
 from dataclasses import dataclass
+from xml.etree import ElementTree
 
 import newton
 import numpy as np
@@ -37,9 +38,7 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
     # Without it the solver lists every shape within 0.1 m of the floor as a contact.
     builder.default_shape_cfg.gap = 0.0
     builder.default_joint_cfg.armature = spec.armature
-    builder.add_urdf(
-        str(spec.urdf), floating=True, enable_self_collisions=False, collapse_fixed_joints=True, hide_visuals=True
-    )
+    builder.add_urdf(collision_urdf(spec), floating=True, enable_self_collisions=False, collapse_fixed_joints=True)
     for shape, kind in enumerate(builder.shape_type):
         if kind == newton.GeoType.CYLINDER:
             radius, half_length, _ = builder.shape_scale[shape]
@@ -53,6 +52,15 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
     builder.joint_q[:7] = [0.0, 0.0, spec.default_root_height, 0.0, 0.0, 0.0, 1.0]
     builder.joint_q[7:] = list(spec.default_joint_position)
     return builder
+
+
+def collision_urdf(spec: RobotSpec) -> str:
+    """Return the robot's URDF without what is only there to be seen, which Newton would copy into every world."""
+    root = ElementTree.parse(spec.urdf).getroot()
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def build_solver(model: newton.Model, config: SolverConfig) -> newton.solvers.SolverMuJoCo:

@@ -105,7 +105,7 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     """
     try:
         checkpoint = torch.load(path, map_location=device, weights_only=True)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - damaged files raise errors of many kinds
         raise PolicyError(f"{path}: not a checkpoint that can be read ({error.__class__.__name__})") from None
     if not isinstance(checkpoint, dict) or "actor_state_dict" not in checkpoint:
         raise PolicyError(f"{path}: not a checkpoint of 'kine2go train'")

@@ -14,6 +14,7 @@ from kine2go_warp.dataset.reader import MotionData
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots.spec import LEG_JOINTS
 
 PAUSE = 0.5
 """Gap between two trajectories on the timeline [s]."""
@@ -212,7 +213,6 @@ def blueprint(motion: str, spec: RobotSpec) -> rrb.Blueprint:
 
 def leg_view(leg: str) -> rrb.TimeSeriesView:
     """Return the plot of one leg's joints."""
-    parts = [
-        f"/plots/joints/{leg}_{part}{suffix}" for part in ("hip", "thigh", "calf") for suffix in ("", "_reference")
-    ]
+    suffixes = ("", "_reference")
+    parts = [f"/plots/joints/{leg}_{joint}{suffix}" for joint in LEG_JOINTS for suffix in suffixes]
     return rrb.TimeSeriesView(name=f"{leg} joints [rad]", origin="/", contents=[f"+ {part}" for part in parts])

@@ -23,7 +23,7 @@ def _load() -> RobotSpec:
         joint_effort=reader.joint_limits(joints, "effort"),
         joint_speed=reader.joint_limits(joints, "velocity"),
         default_joint_position=(0.0, 0.8, -1.5) * 2 + (0.0, 1.0, -1.5) * 2,
-        default_root_height=0.31,
+        default_root_height=0.335,
         # The URDF holds link inertias only; 0.01 kg m^2 is the rotor inertia that MuJoCo Menagerie's Go2 uses.
         armature=0.01,
         action_scale=0.25,

@@ -1,0 +1,171 @@
+"""The store as a consumer meets it: with xarray and nothing of this package."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray
+import zarr
+
+from kine2go_warp.dataset.reader import motion_names, read_motion
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.summary import summarise
+from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
+from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.robots import GO2
+
+SIZES = {"axis": 3, "quaternion": 4, "joint": 12, "link": 16, "foot": 4, "term": 5}
+
+
+def made_up(rng, count=3, rows=20):
+    """Trajectories of the right shapes; the second one is shorter."""
+    shapes = {"trajectory": count, "frame": rows, **SIZES}
+    arrays = {
+        array.name: rng.normal(size=[shapes[dimension] for dimension in array.dims]).astype(np.float32)
+        for array in ROW_ARRAYS
+    }
+    for name in ("root_orientation", "reference_root_orientation"):
+        arrays[name] /= np.linalg.norm(arrays[name], axis=-1, keepdims=True)
+    draws = {
+        "length": np.array([rows, rows - 5, rows], dtype=np.int32),
+        "heading": rng.uniform(-3, 3, count),
+        "seed": rng.integers(0, 2**32, count, dtype=np.uint32),
+        "start_phase": rng.random(count),
+        "noise": np.ones(count),
+    }
+    return Trajectories(arrays, draws)
+
+
+@pytest.fixture
+def store(tmp_path, rng):
+    path = tmp_path / "dataset.zarr"
+    writer = DatasetWriter(path, GO2, {"note": "made up"})
+    for motion in ("one", "two"):
+        writer.write(motion, made_up(rng), 1.0 / 60.0, {"rejected": {"distance": 2}, "licence": "CC0"})
+    return path
+
+
+def test_xarray_alone_opens_labelled_self_explaining_data(store):
+    data = xarray.open_zarr(store, group="one")
+    assert dict(data.sizes) == {"trajectory": 3, "frame": 20, **SIZES}
+    knee = data["joint_position"].sel(joint="FL_calf_joint")
+    assert knee.dims == ("trajectory", "frame")
+    assert knee.attrs["units"] == "rad"
+    np.testing.assert_allclose(data["time"], np.arange(20) / 60.0)
+    assert "time" in data.coords
+    assert list(data["quaternion"].values) == ["w", "x", "y", "z"]
+    assert list(data["foot"].values) == ["FL", "FR", "RL", "RR"]
+    assert data.attrs["licence"] == "CC0"
+    for array in (*ROW_ARRAYS, *TRAJECTORY_ARRAYS):
+        assert data[array.name].dims == array.dims, array.name
+        assert data[array.name].attrs["description"] == array.description
+
+
+def test_the_whole_tree_opens_at_once(store):
+    tree = xarray.open_datatree(store, engine="zarr")
+    assert set(tree.children) == {"one", "two"}
+    assert tree.attrs["format"] == "kine2go"
+    assert tree.attrs["action_scale"] == 0.25
+    assert tree.attrs["sdk_motor_order"][0] == "FR_hip_joint"
+    for array in QUALITY_ARRAYS:
+        assert tree["one/quality"][array.name].dims == array.dims
+
+
+def test_a_consumer_needs_nothing_of_this_package(store):
+    script = (
+        "import sys, xarray; data = xarray.open_zarr(sys.argv[1], group='two');"
+        "print(float(data['action'].isel(trajectory=0).mean()));"
+        "assert not any(name.startswith('kine2go') for name in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", script, str(store)], check=True, cwd=store.parent, capture_output=True)
+
+
+def test_what_is_written_comes_back_bit_for_bit_with_nan_beyond_each_length(tmp_path, rng):
+    written = made_up(rng)
+    DatasetWriter(tmp_path / "dataset.zarr", GO2, {}).write("one", written, 1.0 / 60.0, {"rejected": {}})
+    back = read_motion(tmp_path / "dataset.zarr", "one").trajectories
+    for name, values in written.rows.items():
+        np.testing.assert_array_equal(back.rows[name][[0, 2]], values[[0, 2]])
+        np.testing.assert_array_equal(back.rows[name][1, :15], values[1, :15])
+        assert np.all(np.isnan(back.rows[name][1, 15:]))
+
+
+def test_a_motion_is_few_files(store):
+    files = [path for path in (store / "one").rglob("*") if path.is_file()]
+    arrays = len(ROW_ARRAYS) + len(TRAJECTORY_ARRAYS) + len(QUALITY_ARRAYS) + len(SIZES) + 2
+    assert len(files) <= 2 * arrays + 2, "metadata and one shard an array"
+
+
+def test_no_object_arrays_and_no_pickles(store):
+    for _, array in zarr.open_group(store / "one", mode="r").arrays():
+        assert array.dtype.kind in "fiuU"
+
+
+def test_the_summary_is_computed_from_the_rows(store):
+    first = summarise(store)[0]
+    assert (first.motion, first.accepted, first.total) == ("one", 3, 5)
+    assert (first.shortest, first.longest) == (pytest.approx(15 / 60), pytest.approx(20 / 60))
+    rows = read_motion(store, "one").trajectories.rows
+    error = rows["joint_position"].astype(float) - rows["reference_joint_position"]
+    expected = np.mean([np.sqrt(np.nanmean(one**2)) for one in error])
+    assert first.joint_rmse == pytest.approx(expected)
+
+
+def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monkeypatch):
+    before = read_motion(store, "one").trajectories.rows["action"]
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("kine2go_warp.dataset.writer.tracking_quality", fail)
+    with pytest.raises(OSError, match="No space"):
+        DatasetWriter(store, GO2, {}).write("one", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+    np.testing.assert_array_equal(read_motion(store, "one").trajectories.rows["action"], before)
+    assert [path.name for path in store.parent.iterdir()] == [store.name]
+
+
+def test_leftovers_of_a_killed_process_are_removed(store):
+    leftover = store.with_name(f".tmp-{store.name}-one-4194999")
+    leftover.mkdir()
+    DatasetWriter(store, GO2, {})
+    assert not leftover.exists()
+
+
+def test_what_is_not_a_dataset_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match="no dataset here"):
+        motion_names(tmp_path)
+    with pytest.raises(DatasetError, match="not a dataset"):
+        DatasetWriter(tmp_path, GO2, {})
+    zarr.open_group(tmp_path / "other.zarr", mode="w")
+    with pytest.raises(DatasetError, match="not a dataset of kine2go"):
+        DatasetWriter(tmp_path / "other.zarr", GO2, {})
+    (tmp_path / "broken.zarr").mkdir()
+    (tmp_path / "broken.zarr" / "zarr.json").write_text("{")
+    with pytest.raises(DatasetError, match="not a Zarr store"):
+        motion_names(tmp_path / "broken.zarr")
+
+
+def test_another_format_version_is_refused(store):
+    zarr.open_group(store, mode="a").attrs["format_version"] = "99"
+    with pytest.raises(DatasetError, match="dataset format 99"):
+        motion_names(store)
+
+
+def test_a_missing_motion_and_a_truncated_shard_are_named(store):
+    with pytest.raises(DatasetError, match="holds no motion 'three'; it has: one, two"):
+        read_motion(store, "three")
+    shard = next(path for path in (store / "one" / "action").rglob("*") if path.is_file() and path.name != "zarr.json")
+    shard.write_bytes(shard.read_bytes()[:100])
+    with pytest.raises(DatasetError, match="one/action: cannot be read"):
+        read_motion(store, "one")
+
+
+def test_quaternions_become_continuous_without_turning(rng):
+    quaternions = rng.normal(size=(4, 30, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    smooth = continuous_quaternions(quaternions)
+    np.testing.assert_allclose(np.abs(np.sum(smooth * quaternions, axis=-1)), 1.0)
+    assert np.all(np.sum(smooth[:, 1:] * smooth[:, :-1], axis=-1) >= 0.0)
+    assert np.all(smooth[:, 0, 0] >= 0.0)

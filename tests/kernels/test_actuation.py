@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+import warp as wp
+
+from kine2go_warp.kernels.actuation import apply_motor_torque, push_target, targets_from_default_pose
+from kine2go_warp.robots import GO2
+
+
+def array(values, dtype=float):
+    return wp.array(np.asarray(values), dtype=dtype, device="cpu")
+
+
+def test_default_pose_targets_clip_the_output(rng):
+    output = np.float32(rng.normal(0.0, 80.0, (50, 12)))
+    target = wp.zeros((50, 12), dtype=float, device="cpu")
+    inputs = [array(output), array(np.float32(GO2.default_joint_position)), 0.25, 100.0, target]
+    wp.launch(targets_from_default_pose, dim=(50, 12), inputs=inputs, device="cpu")
+    expected = np.array(GO2.default_joint_position) + 0.25 * np.clip(output, -100.0, 100.0)
+    np.testing.assert_allclose(target.numpy(), expected, rtol=1e-5, atol=1e-6)
+
+
+def torques(q, qd, target, stiffness, damping):
+    count = len(q)
+    torque = wp.zeros((count, 12), dtype=float, device="cpu")
+    force = wp.zeros((count, 18), dtype=float, device="cpu")
+    inputs = [
+        array(np.float32(np.hstack([np.zeros((count, 7)), q]))),
+        array(np.float32(np.hstack([np.zeros((count, 6)), qd]))),
+        array(np.float32(target[:, None])),
+        array([0], int),
+        0,
+        4,
+        array(np.zeros(count), int),
+        array(np.float32(stiffness)),
+        array(np.float32(damping)),
+        array(np.float32(GO2.joint_effort)),
+        force,
+        torque,
+    ]
+    wp.launch(apply_motor_torque, dim=(count, 12), inputs=inputs, device="cpu")
+    return force.numpy(), torque.numpy()
+
+
+def test_torque_is_a_clamped_pd_law_of_each_worlds_own_gains(rng):
+    q, target = np.float32(rng.normal(0.0, 0.5, (2, 100, 12)))
+    qd = np.float32(rng.normal(0.0, 5.0, (100, 12)))
+    stiffness, damping = np.float32(rng.uniform(20.0, 80.0, (100, 12))), np.float32(rng.uniform(0.5, 3.0, (100, 12)))
+    force, torque = torques(q, qd, target, stiffness, damping)
+    demand = np.float64(stiffness) * (np.float64(target) - q) - np.float64(damping) * qd
+    expected = np.clip(demand, -np.array(GO2.joint_effort), GO2.joint_effort)
+    np.testing.assert_allclose(torque, expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_array_equal(force[:, 6:], torque)
+    assert np.all(force[:, :6] == 0.0)
+    assert np.any(np.abs(torque) == np.float32(GO2.joint_effort)), "the test must reach the limits"
+
+
+@pytest.mark.parametrize("delay", [0, 1, 4, 5, 8])
+def test_a_target_takes_effect_after_its_delay_in_substeps(delay):
+    substeps, length = 4, delay // 4 + 2
+    queue = wp.full((1, length, 12), -1.0, dtype=float, device="cpu")
+    control_step = wp.zeros(1, dtype=int, device="cpu")
+    seen = []
+    for step in range(6):
+        control_step.fill_(step)
+        inputs = [wp.full((1, 12), float(step), dtype=float, device="cpu"), control_step, queue]
+        wp.launch(push_target, dim=(1, 12), inputs=inputs, device="cpu")
+        for substep in range(substeps):
+            torque = wp.zeros((1, 12), dtype=float, device="cpu")
+            inputs = [
+                wp.zeros((1, 19), dtype=float, device="cpu"),
+                wp.zeros((1, 18), dtype=float, device="cpu"),
+                queue,
+                control_step,
+                substep,
+                substeps,
+                array([delay], int),
+                wp.full((1, 12), 1.0, dtype=float, device="cpu"),
+                wp.zeros((1, 12), dtype=float, device="cpu"),
+                array(np.float32(GO2.joint_effort)),
+                wp.zeros((1, 18), dtype=float, device="cpu"),
+                torque,
+            ]
+            wp.launch(apply_motor_torque, dim=(1, 12), inputs=inputs, device="cpu")
+            seen.append(float(torque.numpy()[0, 0]))
+    expected = [(now - delay) // substeps if now >= delay else -1 for now in range(24)]
+    assert seen == expected

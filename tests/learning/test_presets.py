@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.learning.presets import FAST, PAPER, Preset, preset_named
+from kine2go_warp.learning.train import CUDA_WORLDS, TrainConfig
+from kine2go_warp.settings import from_dictionary, to_dictionary
+
+
+def test_the_paper_preset_is_the_papers_table():
+    settings = PAPER.ppo.runner_settings(1)
+    algorithm = settings["algorithm"]
+    assert settings["actor"]["hidden_dims"] == settings["critic"]["hidden_dims"] == [512, 256, 128]
+    assert settings["actor"]["activation"] == "elu"
+    assert not settings["actor"]["obs_normalization"]
+    assert settings["actor"]["distribution_cfg"]["init_std"] == 1.0
+    assert (PAPER.ppo.iterations, settings["num_steps_per_env"], settings["save_interval"]) == (10_000, 24, 100)
+    expected = {
+        "learning_rate": 1e-3,
+        "schedule": "adaptive",
+        "clip_param": 0.2,
+        "desired_kl": 0.01,
+        "entropy_coef": 0.01,
+        "value_loss_coef": 1.0,
+        "use_clipped_value_loss": True,
+        "max_grad_norm": 1.0,
+        "num_learning_epochs": 5,
+        "num_mini_batches": 4,
+        "gamma": 0.99,
+        "lam": 0.95,
+    }
+    assert {key: algorithm[key] for key in expected} == expected
+    assert PAPER.env.action.form == "default_pose"
+
+
+@pytest.mark.parametrize("preset", [PAPER, FAST])
+def test_settings_survive_the_way_through_a_file(preset):
+    assert from_dictionary(Preset, to_dictionary(preset), "policy.json") == preset
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"env": {"worlds": 3}}, "unknown key.*worlds"),
+        ({"env": {"num_worlds": "many"}}, "env.num_worlds"),
+        ({"env": {"action": {"form": "torque"}}}, "env.action.form"),
+        ({"ppo": {"hidden_sizes": [64, "x"]}}, "ppo.hidden_sizes"),
+    ],
+)
+def test_wrong_settings_are_named(values, message):
+    with pytest.raises(Kine2GoError, match=message) as error:
+        from_dictionary(Preset, values, "recipe.toml")
+    assert str(error.value).startswith("recipe.toml: ")
+
+
+def test_whole_numbers_may_stand_for_real_ones():
+    preset = from_dictionary(Preset, {"env": {"motor": {"stiffness": 40}}}, "recipe.toml")
+    assert preset.env.motor.stiffness == 40.0
+
+
+def test_fast_takes_more_worlds_on_a_gpu_and_overrides_win():
+    assert TrainConfig().resolve("cpu").env.num_worlds == FAST.env.num_worlds
+    assert TrainConfig().resolve("cuda:0").env.num_worlds == CUDA_WORLDS
+    assert TrainConfig(preset="paper").resolve("cpu").env.num_worlds == 8192
+    resolved = TrainConfig(num_worlds=7, iterations=2, seed=9).resolve("cuda:0")
+    assert (resolved.env.num_worlds, resolved.ppo.iterations, resolved.env.seed) == (7, 2, 9)
+    np.testing.assert_equal(resolved.env.reward, FAST.env.reward)
+
+
+def test_an_unknown_preset_is_named():
+    with pytest.raises(Kine2GoError, match="unknown preset 'slow'; known are: paper, fast"):
+        preset_named("slow")

@@ -1,0 +1,107 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.learning.runner import load_checkpoint
+from kine2go_warp.learning.train import TrainConfig, train
+
+TINY = TrainConfig(num_worlds=8, iterations=2)
+
+
+def test_training_leaves_a_folder_that_stands_on_its_own(policy, clip):
+    record = policy.read_record()
+    assert record.complete
+    assert record.iterations == 3
+    assert [path.name for path in policy.checkpoints()] == ["model_2.pt"]
+    assert policy.read_clips(record)[0].content_hash() == clip.content_hash()
+    assert any(path.name.startswith("events.out") for path in policy.path.iterdir()), "a TensorBoard log"
+    assert not list(policy.path.glob(".tmp-*"))
+
+
+def test_progress_is_reported(clip, tmp_path):
+    seen = []
+    train([clip], TINY, tmp_path / "policy", "cpu", on_progress=seen.append)
+    assert [(state.iteration, state.total_iterations) for state in seen] == [(1, 2), (2, 2)]
+    assert seen[-1].steps_per_second > 0.0
+
+
+def test_an_interrupted_training_continues_from_its_checkpoint(clip, tmp_path):
+    folder = tmp_path / "policy"
+    config = replace(TINY, iterations=25)
+
+    def stop_at_22(state):
+        if state.iteration == 22:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train([clip], config, folder, "cpu", on_progress=stop_at_22)
+    policy = PolicyFolder(folder)
+    assert not policy.read_record().complete
+    assert policy.latest_checkpoint().name == "model_20.pt"
+    seen = []
+    record = train([clip], config, folder, "cpu", on_progress=seen.append)
+    assert [state.iteration for state in seen] == [22, 23, 24, 25]
+    assert record.complete
+    assert train([clip], config, folder, "cpu", on_progress=seen.append) == PolicyFolder(folder).read_record()
+    assert len(seen) == 4, "a finished training is not repeated"
+
+
+def test_a_folder_of_other_settings_is_not_overwritten_unasked(clip, tmp_path):
+    folder = tmp_path / "policy"
+    train([clip], TINY, folder, "cpu")
+    before = PolicyFolder(folder).checkpoint_hash()
+    with pytest.raises(PolicyError, match="--overwrite"):
+        train([clip], replace(TINY, seed=5), folder, "cpu")
+    assert PolicyFolder(folder).checkpoint_hash() == before
+    train([clip], replace(TINY, seed=5), folder, "cpu", overwrite=True)
+    assert PolicyFolder(folder).checkpoint_hash() != before
+
+
+def test_more_iterations_continue_a_finished_policy(clip, tmp_path):
+    folder = tmp_path / "policy"
+    train([clip], TINY, folder, "cpu")
+    seen = []
+    train([clip], replace(TINY, iterations=3), folder, "cpu", on_progress=seen.append)
+    assert [state.iteration for state in seen] == [3]
+
+
+def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
+    path = tmp_path / "model_1.pt"
+    path.write_bytes(b"PK\x03\x04 damaged")
+    with pytest.raises(PolicyError, match="not a checkpoint"):
+        load_checkpoint(path, "cpu")
+    torch.save({"weights": torch.zeros(3)}, path)
+    with pytest.raises(PolicyError, match="not a checkpoint of 'kine2go train'"):
+        load_checkpoint(path, "cpu")
+
+
+class Trap:
+    """Unpickling this creates a file: what a malicious checkpoint would do."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+def test_a_checkpoint_cannot_run_code(tmp_path):
+    torch.save({"actor_state_dict": Trap(tmp_path / "sprung")}, tmp_path / "model_1.pt")
+    with pytest.raises(PolicyError):
+        load_checkpoint(tmp_path / "model_1.pt", "cpu")
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"format_version": 99}', '{"format_version": 1}'])
+def test_a_damaged_record_is_refused(tmp_path, content):
+    (tmp_path / "policy.json").write_text(content)
+    with pytest.raises(PolicyError):
+        PolicyFolder(tmp_path).read_record()
+
+
+def test_a_folder_without_a_policy_says_how_to_make_one(tmp_path):
+    with pytest.raises(PolicyError, match="kine2go train"):
+        PolicyFolder(tmp_path).read_record()

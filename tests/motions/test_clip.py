@@ -1,0 +1,93 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.cycle import extend_cyclically
+from kine2go_warp.motions.rotations import heading, to_rotation
+from kine2go_warp.robots import GO2
+from kine2go_warp.robots.kinematics import foot_positions
+
+
+def test_the_bundled_clip_is_one_clean_stride(clip):
+    assert clip.num_frames == 30
+    assert clip.period == pytest.approx(0.5)
+    np.testing.assert_allclose(clip.root_position[0, :2], 0.0, atol=1e-12)
+    assert heading(clip.root_orientation)[0] == pytest.approx(0.0, abs=1e-12)
+    assert clip.cycle.x == pytest.approx(0.825 * 0.75 * 0.5, rel=1e-3)
+    assert clip.residual.max() < 1e-3
+    assert (clip.foot_position[..., 2] - GO2.foot_radius).min() > -1e-3
+    assert np.all((clip.joint_position > GO2.joint_lower) & (clip.joint_position < GO2.joint_upper))
+
+
+def test_velocities_are_the_derivatives_of_a_spline_through_the_poses(clip):
+    from scipy.interpolate import CubicSpline
+
+    fine = clip.resampled(240.0, GO2)
+    for values, speeds in (
+        (fine.joint_position, fine.joint_velocity),
+        (fine.root_position[:, 2:], fine.root_linear_velocity[:, 2:]),
+    ):
+        time = np.arange(len(values) + 1) * fine.frame_duration
+        spline = CubicSpline(time, np.vstack([values, values[:1]]), bc_type="periodic")
+        np.testing.assert_allclose(speeds, spline(time[:-1], 1), atol=0.02 * np.abs(speeds).max())
+
+
+def test_the_mean_velocity_is_the_displacement_over_the_period(clip):
+    mean = clip.root_linear_velocity.mean(axis=0)
+    np.testing.assert_allclose(mean[:2] * clip.period, [clip.cycle.x, clip.cycle.y], atol=1e-9)
+    assert abs(mean[2]) < 1e-9
+
+
+def test_angular_velocity_turns_the_root(clip):
+    poses = extend_cyclically(clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, 0, 1)
+    rotations = to_rotation(poses.root_orientation)
+    turns = (rotations[1:] * rotations[:-1].inv()).as_rotvec() / clip.frame_duration
+    between = 0.5 * (clip.root_angular_velocity + np.roll(clip.root_angular_velocity, -1, axis=0))
+    np.testing.assert_allclose(between, turns, atol=0.05)
+
+
+def test_feet_are_those_of_forward_kinematics(clip):
+    rotation = to_rotation(clip.root_orientation).as_matrix()
+    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(GO2, clip.joint_position)) + clip.root_position[:, None]
+    np.testing.assert_allclose(clip.foot_position, feet, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [50.0, 60.0, 120.0, 37.0])
+def test_resampling_keeps_period_and_path_in_time(clip, rate):
+    other = clip.resampled(rate, GO2)
+    assert other.period == pytest.approx(clip.period)
+    assert other.num_frames == round(clip.period * rate)
+    assert other.cycle == clip.cycle
+    # Back at the old instants, the path is the same.
+    back = other.resampled(60.0, GO2)
+    np.testing.assert_allclose(back.root_position, clip.root_position, atol=5e-3)
+    np.testing.assert_allclose(back.joint_position, clip.joint_position, atol=0.06)
+
+
+def test_saving_and_loading_changes_nothing(clip, tmp_path):
+    clip.save(tmp_path / "clip.npz")
+    loaded = MotionClip.load(tmp_path / "clip.npz")
+    for name, value in vars(clip).items():
+        np.testing.assert_array_equal(getattr(loaded, name), value, err_msg=name)
+    assert loaded.content_hash() == clip.content_hash()
+    assert loaded.content_hash() != replace(clip, frame_duration=0.02).content_hash()
+    assert [path.name for path in tmp_path.iterdir()] == ["clip.npz"], "no temporary file is left"
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", None])
+def test_what_is_not_a_clip_is_refused(tmp_path, content):
+    path = tmp_path / "clip.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ClipError, match="kine2go retarget"):
+        MotionClip.load(path)
+
+
+def test_a_pickle_in_the_file_is_not_run(tmp_path):
+    path = tmp_path / "clip.npz"
+    np.savez(path, header=np.array({"a": 1}, dtype=object))
+    with pytest.raises(ClipError):
+        MotionClip.load(path)

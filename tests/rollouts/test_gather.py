@@ -1,0 +1,146 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zarr
+
+from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.robots import GO2
+from kine2go_warp.robots.kinematics import link_positions
+from kine2go_warp.rollouts.gather import GatherConfig, gather
+
+# A policy after three iterations drifts far; these limits keep most of its rollouts.
+LOOSE = GatherConfig(trajectories=6, rows=40, max_distance=3.0, max_angle=3.0, max_joint_rmse=10.0)
+
+
+@pytest.fixture(scope="module")
+def dataset(policy, tmp_path_factory):
+    path = tmp_path_factory.mktemp("gather") / "dataset.zarr"
+    result = gather(policy, DatasetWriter(path, GO2, {}), LOOSE, "cpu")
+    assert result.accepted == 6
+    return path
+
+
+@pytest.fixture(scope="module")
+def data(dataset):
+    return read_motion(dataset, "dog_trot")
+
+
+def test_rows_have_the_length_asked_for_after_the_trim(data):
+    np.testing.assert_array_equal(data.trajectories.draws["length"], 40)
+    assert data.time[1] == pytest.approx(1.0 / 60.0)
+    # 30 control steps of 1/60 s were dropped; this clip's period is 30 steps.
+    turns = data.trajectories.rows["cycle"][:, 0] + data.trajectories.rows["phase"][:, 0]
+    np.testing.assert_allclose(turns - data.trajectories.draws["start_phase"], 1.0, atol=1e-4)
+
+
+def test_positions_change_by_what_the_velocities_say(data):
+    rows = data.trajectories.rows
+    for position, velocity in (
+        ("root_position", "root_linear_velocity"),
+        ("joint_position", "joint_velocity"),
+        ("link_position", "link_linear_velocity"),
+    ):
+        # Semi-implicit substeps: the mean of the four new velocities moved the robot, not the ends' mean.
+        change = np.diff(rows[position].astype(float), axis=1) * 60.0
+        mean = 0.5 * (rows[velocity][:, 1:] + rows[velocity][:, :-1])
+        difference = np.abs(change - mean)
+        assert np.median(difference) < 0.05 * np.abs(rows[velocity]).max(), position
+
+
+def test_orientation_changes_by_what_the_angular_velocity_says(data):
+    rows = data.trajectories.rows
+    for trajectory in range(6):
+        rotation = to_rotation(rows["root_orientation"][trajectory].astype(float))
+        turn = (rotation[1:] * rotation[:-1].inv()).as_rotvec() * 60.0
+        mean = 0.5 * (rows["root_angular_velocity"][trajectory, 1:] + rows["root_angular_velocity"][trajectory, :-1])
+        assert np.median(np.abs(turn - mean)) < 0.1 * np.abs(mean).max()
+
+
+def test_links_are_where_forward_kinematics_puts_them(data):
+    rows = data.trajectories.rows
+    links = link_positions(GO2, rows["joint_position"])
+    rotation = to_rotation(rows["root_orientation"].reshape(-1, 4)).as_matrix().reshape(6, 40, 3, 3)
+    expected = np.einsum("ntij,ntkj->ntki", rotation, links) + rows["root_position"][:, :, None]
+    np.testing.assert_allclose(rows["link_position"], expected, atol=2e-6)
+
+
+def test_the_action_is_the_joint_target_in_units_of_the_action_scale(data):
+    rows = data.trajectories.rows
+    expected = (rows["joint_target"] - np.float32(GO2.default_joint_position)) / GO2.action_scale
+    np.testing.assert_allclose(rows["action"], expected, atol=1e-5)
+
+
+def test_sampled_actions_scatter_about_their_mean(data):
+    spread = data.trajectories.rows["action"] - data.trajectories.rows["action_mean"]
+    assert abs(spread.mean()) < 0.05
+    assert 0.3 < spread.std() < 0.5, "the fast preset begins with a standard deviation of 0.4"
+
+
+def test_a_rows_action_leads_to_the_next_rows_torque(data):
+    """With a latency of five substeps the torque before row t comes from the target of row t-2."""
+    rows = data.trajectories.rows
+    position, speed = rows["joint_position"][:, 2:], rows["joint_velocity"][:, 2:]
+
+    def demand(lag):
+        stiffness, damping = 60.0, 2.0
+        torque = stiffness * (rows["joint_target"][:, 2 - lag : 40 - lag] - position) - damping * speed
+        return np.clip(torque, -np.float32(GO2.joint_effort), GO2.joint_effort)
+
+    errors = [np.median(np.abs(rows["joint_torque"][:, 2:] - demand(lag))) for lag in (0, 1, 2)]
+    assert np.argmin(errors) == 2, errors
+
+
+def test_headings_phases_and_seeds_differ(data):
+    for name in ("heading", "start_phase", "seed"):
+        assert len(set(data.trajectories.draws[name].tolist())) == 6, name
+
+
+def test_quaternions_are_unit_and_continuous(data):
+    for name in ("root_orientation", "reference_root_orientation"):
+        quaternions = data.trajectories.rows[name]
+        np.testing.assert_allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-5)
+        assert np.sum(quaternions[:, 1:] * quaternions[:, :-1], axis=-1).min() > 0.5
+        assert np.all(quaternions[:, 0, 0] >= 0.0)
+
+
+def test_the_same_seed_gives_the_same_data_and_a_second_call_runs_nothing(policy, dataset, tmp_path):
+    again = DatasetWriter(tmp_path / "again.zarr", GO2, {})
+    gather(policy, again, LOOSE, "cpu")
+    for name, array in zarr.open_group(dataset / "dog_trot", mode="r").arrays():
+        other = zarr.open_group(tmp_path / "again.zarr" / "dog_trot", mode="r")[name]
+        assert np.array_equal(np.asarray(array[...]), np.asarray(other[...])), name
+    steps = []
+    result = gather(policy, again, LOOSE, "cpu", lambda done, total: steps.append((done, total)))
+    assert (result.is_new, steps) == (False, [])
+
+
+def test_other_settings_replace_the_motion(policy, dataset, tmp_path):
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    gather(policy, writer, LOOSE, "cpu")
+    result = gather(policy, writer, replace(LOOSE, trajectories=3), "cpu")
+    assert (result.is_new, result.accepted) == (True, 3)
+    assert [path.name for path in tmp_path.iterdir()] == ["dataset.zarr"], "nothing is left beside the store"
+
+
+def test_rollouts_that_drift_are_rejected_with_a_reason(policy, tmp_path):
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    strict = replace(LOOSE, rows=200, max_distance=1e-4)
+    with pytest.raises(DatasetError, match=r"all 6 rollouts were rejected \(6 by distance\)"):
+        gather(policy, writer, strict, "cpu")
+    assert writer.motions() == []
+
+
+def test_rollouts_whose_joints_are_off_are_rejected_with_a_reason(policy, tmp_path):
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    with pytest.raises(DatasetError, match="6 by joint_error"):
+        gather(policy, writer, replace(LOOSE, max_joint_rmse=1e-6), "cpu")
+
+
+@pytest.mark.parametrize("changes", [{"trajectories": 0}, {"rows": 1}, {"noise": -1.0}, {"warm_up": -0.1}])
+def test_impossible_settings_are_refused(changes):
+    with pytest.raises(DatasetError):
+        GatherConfig(**changes)
