@@ -34,7 +34,7 @@ def motion_names(path: Path) -> list[str]:
     if not (path / "zarr.json").is_file():
         raise DatasetError(f"{path}: no dataset here; make one with 'kine2go gather' or 'kine2go run'")
     check_version(path)
-    return sorted(zarr.open_group(path, mode="r").group_keys())
+    return sorted(zarr.open_group(path, mode="r", use_consolidated=False).group_keys())
 
 
 def read_motion(path: Path, motion: str) -> MotionData:

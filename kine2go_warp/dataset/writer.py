@@ -1,5 +1,6 @@
 """Writing motions into a store, each whole or not at all."""
 
+import json
 import os
 import shutil
 import warnings
@@ -25,7 +26,7 @@ from kine2go_warp.dataset.schema import (
 )
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import flush_folder
+from kine2go_warp.files import atomic_file, flush_folder
 from kine2go_warp.robots import RobotSpec
 
 
@@ -55,10 +56,11 @@ class DatasetWriter:
         self._discard_leftovers()
         group = zarr.open_group(path, mode="a", zarr_format=3)
         group.attrs.update({**robot_attributes(spec), **root_attributes})
+        self._write_index()
 
     def motions(self) -> list[str]:
         """Return the names of the motions in the store."""
-        return sorted(zarr.open_group(self.path, mode="r").group_keys())
+        return sorted(zarr.open_group(self.path, mode="r", use_consolidated=False).group_keys())
 
     def attributes(self, motion: str) -> dict[str, Any]:
         """Return the attributes of a motion, empty if it is not there."""
@@ -75,9 +77,22 @@ class DatasetWriter:
         try:
             self._write_group(staging, trajectories.padded(), frame_duration, attributes)
             flush_folder(staging)
+            self._drop_index()
             self._put_in_place(staging, self.path / motion)
+            self._write_index()
         finally:
             shutil.rmtree(staging, ignore_errors=True)
+
+    def _drop_index(self) -> None:
+        """Take the index of all arrays out of the root's metadata, since it would not know of a change."""
+        metadata = json.loads((self.path / "zarr.json").read_text())
+        metadata.pop("consolidated_metadata", None)
+        with atomic_file(self.path / "zarr.json") as temporary:
+            temporary.write_text(json.dumps(metadata, indent=2))
+
+    def _write_index(self) -> None:
+        """Write the index of all arrays into the root's metadata, the last thing to change."""
+        consolidate(self.path)
 
     def _staging(self, motion: str) -> Path:
         """Return where a motion is written before it is put in place, on the same file system as the store."""
@@ -123,6 +138,7 @@ class DatasetWriter:
         figures = tracking_quality(trajectories.rows)
         for array in QUALITY_ARRAYS:
             write_array(quality, array, figures[array.name])
+        consolidate(folder)
 
 
 def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:
@@ -141,6 +157,14 @@ def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:
         attributes={"units": array.unit, "description": array.description},
     )
     target[...] = values
+
+
+def consolidate(folder: Path) -> None:
+    """Put the metadata of all arrays below a group into its own, so that readers need one file and do not warn."""
+    with warnings.catch_warnings():
+        # Not in the Zarr 3 core specification yet; readers that do not know it read the arrays' own metadata.
+        warnings.simplefilter("ignore")
+        zarr.consolidate_metadata(str(folder), zarr_format=3)
 
 
 def write_labels(group: zarr.Group, name: str, labels: tuple[str, ...]) -> None:

@@ -169,3 +169,31 @@ def test_quaternions_become_continuous_without_turning(rng):
     np.testing.assert_allclose(np.abs(np.sum(smooth * quaternions, axis=-1)), 1.0)
     assert np.all(np.sum(smooth[:, 1:] * smooth[:, :-1], axis=-1) >= 0.0)
     assert np.all(smooth[:, 0, 0] >= 0.0)
+
+
+def test_opening_gives_no_warning(store, recwarn):
+    xarray.open_zarr(store, group="one")
+    xarray.open_datatree(store, engine="zarr")
+    assert not [warning for warning in recwarn if "onsolidated" in str(warning.message)]
+
+
+def test_the_index_knows_of_motions_added_and_replaced(store, rng):
+    writer = DatasetWriter(store, GO2, {})
+    writer.write("one", made_up(rng, rows=11), 1.0 / 60.0, {"rejected": {}})
+    writer.write("three", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+    tree = xarray.open_datatree(store, engine="zarr")
+    assert set(tree.children) == {"one", "two", "three"}
+    assert tree["one"].sizes["frame"] == 11
+
+
+def test_a_kill_before_the_index_is_written_leaves_a_store_that_opens(store, rng, monkeypatch):
+    writer = DatasetWriter(store, GO2, {})
+
+    def be_killed(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(DatasetWriter, "_write_index", be_killed)
+    with pytest.raises(KeyboardInterrupt):
+        writer.write("three", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+    assert motion_names(store) == ["one", "three", "two"]
+    assert set(xarray.open_datatree(store, engine="zarr").children) == {"one", "two", "three"}

@@ -118,7 +118,7 @@ def test_the_same_seed_gives_the_same_data_and_a_second_call_runs_nothing(policy
     assert (result.is_new, steps) == (False, [])
 
 
-def test_other_settings_replace_the_motion(policy, dataset, tmp_path):
+def test_other_settings_replace_the_motion(policy, tmp_path):
     writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
     gather(policy, writer, LOOSE, "cpu")
     result = gather(policy, writer, replace(LOOSE, trajectories=3), "cpu")
