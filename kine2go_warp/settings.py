@@ -38,7 +38,7 @@ def from_dictionary(
         raise error(f"{where}: unknown key(s): {', '.join(sorted(problem.keys))}") from None
     except dacite.DaciteFieldError as problem:
         raise error(f"{where}: {problem}") from None
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, Kine2GoError) as problem:
         raise error(f"{where}: {problem}") from None
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-import placo
+import placo  # pyright: ignore[reportMissingImports] - a compiled module
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.rotations import continuous, to_rotation

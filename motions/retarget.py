@@ -1,21 +1,13 @@
 """From a motion file to the clip that the simulation tracks."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import MotionClip, assemble_clip
+from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import PoseSequence, close_cycle, recentred, with_extrapolated_frame
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.targets import pose_targets
-
-
-@dataclass(frozen=True)
-class RetargetConfig:
-    """Settings of the retargeting stage."""
-
-    blend_frames: int = 8
-    """Frames on either side of a cycle's seam over which it is blended."""
 
 
 def retarget(

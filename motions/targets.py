@@ -80,4 +80,4 @@ def _unit(vectors: Array) -> Array:
     if np.any(length < 1e-6):
         frame = int(np.argmin(length))
         raise ClipError(f"frame {frame}: the animal's trunk has no length or no width, so it has no orientation")
-    return vectors / length
+    return np.asarray(vectors / length, dtype=np.float64)

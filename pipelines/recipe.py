@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from kine2go_warp.errors import RecipeError
-from kine2go_warp.learning.train import TrainConfig
-from kine2go_warp.motions.retarget import RetargetConfig
-from kine2go_warp.rollouts.gather import GatherConfig
+from kine2go_warp.learning.config import TrainConfig
+from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.settings import from_dictionary
 
 RECIPE_FOLDER = Path(__file__).parent

@@ -10,13 +10,15 @@ import warp as wp
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import TrainConfig, train
+from kine2go_warp.learning.train import train
 from kine2go_warp.motions.catalogue import motion_named
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-from kine2go_warp.motions.retarget import RetargetConfig, retarget
+from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
 
 REPOSITORY = Path(__file__).parent.parent

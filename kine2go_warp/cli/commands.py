@@ -8,9 +8,9 @@ from typing import TypeVar
 import tyro
 
 from kine2go_warp.errors import CatalogueError
-from kine2go_warp.learning.train import TrainConfig
-from kine2go_warp.motions.retarget import RetargetConfig
-from kine2go_warp.rollouts.gather import GatherConfig
+from kine2go_warp.learning.config import TrainConfig
+from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.rollouts.config import GatherConfig
 
 DATA_VARIABLE = "KINE2GO_DATA"
 
@@ -89,8 +89,8 @@ class Train:
         from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip
 
-        limit_threads()
         clip = MotionClip.load(self.clip)
+        limit_threads()
         folder = self.out or Path("runs/policies") / clip.name
         with Progress() as progress:
             progress.stage(clip.name, "train")
@@ -128,9 +128,9 @@ class Gather:
         from kine2go_warp.robots import GO2
         from kine2go_warp.rollouts.gather import gather
 
-        limit_threads()
         policy = PolicyFolder(self.policy)
         policy.read_record()
+        limit_threads()
         with Progress() as progress:
             progress.stage(self.policy.name, "gather")
             result = gather(
@@ -173,15 +173,15 @@ class Run:
         from kine2go_warp.pipelines.recipe import load_recipe
         from kine2go_warp.pipelines.runner import RecipeRunner, Workspace
 
-        limit_threads()
         recipe = load_recipe(self.recipe)
         training = {"iterations": self.iterations, "seed": self.seed}
         gathering = {"trajectories": self.trajectories, "rows": self.rows, "seed": self.seed}
         recipe = replace(recipe, train=overridden(recipe.train, training), gather=overridden(recipe.gather, gathering))
+        folder = data_folder(self.data)
         workspace = Workspace(self.out or Path("runs") / recipe.name)
+        limit_threads()
         with Progress() as progress:
-            runner = RecipeRunner(recipe, workspace, data_folder(self.data), self.device, progress)
-            result = runner.run()
+            result = RecipeRunner(recipe, workspace, folder, self.device, progress).run()
         if result.finished:
             summaries = [summarise_motion(workspace.dataset, motion.motion) for motion in result.finished]
             print_summaries(summaries, workspace.dataset, workspace.root / "recordings")

@@ -4,14 +4,17 @@ import importlib.metadata
 import platform
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from kine2go_warp.dataset.summary import MotionSummary
 from kine2go_warp.motions.catalogue import load_catalogue
 from kine2go_warp.motions.clip import MotionClip
+
+if TYPE_CHECKING:
+    from kine2go_warp.dataset.summary import MotionSummary
 
 PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "placo", "zarr", "rerun-sdk")
 
@@ -22,7 +25,7 @@ def console() -> Console:
     return output if output.is_terminal else Console(width=140)
 
 
-def print_summaries(summaries: Sequence[MotionSummary], dataset: Path, recordings: Path | None = None) -> None:
+def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:
     """Print what a dataset holds, computed from the data written."""
     table = Table(title=f"{dataset} (figures computed from the data written)", title_justify="left")
     for heading in ("motion", "accepted", "duration", "joint RMSE", "root error", "root angle", "foot error"):

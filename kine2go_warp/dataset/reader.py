@@ -50,7 +50,7 @@ def read_motion(path: Path, motion: str) -> MotionData:
 
     def read(name: str) -> NDArray:
         try:
-            return np.asarray(group[name][...])  # pyright: ignore[reportIndexIssue]
+            return np.asarray(group[name][...])  # pyright: ignore[reportArgumentType, reportIndexIssue]
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
             raise DatasetError(f"{path}/{motion}/{name}: cannot be read ({error.__class__.__name__})") from None
 

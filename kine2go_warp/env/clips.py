@@ -10,7 +10,7 @@ from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceS
 from kine2go_warp.motions.clip import MotionClip
 
 
-def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: wp.Device) -> ReferenceClips:
+def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: wp.Device) -> ReferenceClips:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Pack clips one after another on a device.
 
     Args:
@@ -43,7 +43,7 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
     return reference
 
 
-def make_placement(num_worlds: int, device: wp.Device) -> Placement:
+def make_placement(num_worlds: int, device: wp.Device) -> Placement:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Return the place of the reference in each world: clip 0 from its beginning, unturned."""
     placement = Placement()
     placement.clip = wp.zeros(num_worlds, dtype=int, device=device)
@@ -53,7 +53,7 @@ def make_placement(num_worlds: int, device: wp.Device) -> Placement:
     return placement
 
 
-def make_reference_state(num_worlds: int, device: wp.Device) -> ReferenceState:
+def make_reference_state(num_worlds: int, device: wp.Device) -> ReferenceState:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Return buffers for the reference at one instant."""
     reference = ReferenceState()
     reference.root = wp.zeros(num_worlds, dtype=wp.transform, device=device)

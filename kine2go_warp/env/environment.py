@@ -105,7 +105,7 @@ class ImitationEnvironment:
         self.control = self.model.control()
         self.joint_force = self.control.joint_f.reshape((num_worlds, 18))
         self.coordinates = [
-            (state.joint_q.reshape((num_worlds, 19)), state.joint_qd.reshape((num_worlds, 18))) for state in self.states
+            (by_world(state.joint_q, num_worlds), by_world(state.joint_qd, num_worlds)) for state in self.states
         ]
         self.robot = RobotState()
         self.robot.joint_q, self.robot.joint_qd = self.coordinates[0]
@@ -345,6 +345,12 @@ class ImitationEnvironment:
                 self.observation,
             ],
         )
+
+
+def by_world(array: wp.array | None, num_worlds: int) -> wp.array:
+    """Return a flat array of Newton's as rows, one a world, without copying."""
+    assert array is not None
+    return array.reshape((num_worlds, -1))
 
 
 def world_seeds(seed: int, num_worlds: int) -> np.ndarray:

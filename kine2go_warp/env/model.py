@@ -88,20 +88,26 @@ def silence_iteration_warnings(solver: newton.solvers.SolverMuJoCo) -> None:
     )
 
 
+def host_copy(array: wp.array | None) -> np.ndarray:
+    """Return an array of a finished model, in which none is missing, on the host."""
+    assert array is not None
+    return np.array(array.numpy())
+
+
 def geom_roles(model: newton.Model, solver: newton.solvers.SolverMuJoCo, spec: RobotSpec) -> np.ndarray:
     """Return what each of the solver's shapes is: a foot (0 to 3), body, leg or ignored, shape [num_geoms].
 
     Shapes are told by the names of their links, never by their order; feet are the spheres on the calves, with which
     the foot links are merged.
     """
-    shapes = solver.mjc_geom_to_newton_shape.numpy()[0]
-    bodies, kinds = model.shape_body.numpy(), model.shape_type.numpy()
+    shapes = host_copy(solver.mjc_geom_to_newton_shape)[0]
+    bodies, kinds = host_copy(model.shape_body), host_copy(model.shape_type)
     calves = {f"{leg.name}_calf": index for index, leg in enumerate(spec.legs)}
     roles = np.full(len(shapes), int(ROLE_IGNORED), dtype=np.int32)
     for geom, shape in enumerate(shapes):
         if shape < 0 or bodies[shape] < 0:
             continue
-        link = model.body_label[bodies[shape]].split("/")[-1]
+        link = model.body_label[int(bodies[shape])].split("/")[-1]
         if link == spec.base_link:
             roles[geom] = int(ROLE_BODY)
         elif link in calves and kinds[shape] == newton.GeoType.SPHERE:
@@ -116,10 +122,10 @@ def geom_roles(model: newton.Model, solver: newton.solvers.SolverMuJoCo, spec: R
 def base_com(model: newton.Model, num_worlds: int) -> np.ndarray:
     """Return the centre of mass of the base link in its own frame for every world [m], shape [num_worlds, 3]."""
     per_world = model.body_count // num_worlds
-    return model.body_com.numpy()[::per_world].copy()
+    return host_copy(model.body_com)[::per_world]
 
 
-def leg_geometry(spec: RobotSpec, device: wp.Device) -> LegGeometry:
+def leg_geometry(spec: RobotSpec, device: wp.Device) -> LegGeometry:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Return the legs' dimensions for kernels."""
     geometry = LegGeometry()
     geometry.hip_offset = wp.array([leg.hip_offset for leg in spec.legs], dtype=wp.vec3, device=device)

@@ -31,7 +31,7 @@ class NoisyPolicy:
         settings = preset.ppo.runner_settings(seed)
         actor = copy.deepcopy(settings["actor"])
         actor.pop("class_name")
-        weights = load_checkpoint(checkpoint, env.device)["actor_state_dict"]
+        weights = load_checkpoint(checkpoint, str(env.device))["actor_state_dict"]
         with contextlib.redirect_stdout(io.StringIO()):
             model = MLPModel(env.get_observations(), settings["obs_groups"], "actor", env.num_actions, **actor)
         try:

@@ -71,7 +71,7 @@ class ImitationRunner(OnPolicyRunner):
     """Trains one policy in a folder of its own."""
 
     def __init__(self, env: ImitationVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
-        super().__init__(env, config.runner_settings(seed), log_dir=str(folder), device=env.device)
+        super().__init__(env, config.runner_settings(seed), log_dir=str(folder), device=str(env.device))
         self.logger.__class__ = QuietLogger
 
     def train(self, iterations: int, on_progress: ProgressCallback | None = None) -> None:

@@ -5,46 +5,16 @@ import io
 import shutil
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from kine2go_warp.device import choose_device
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
-from kine2go_warp.learning.presets import Preset, preset_named
+from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, to_dictionary
-
-CUDA_WORLDS = 4096
-"""Worlds of the ``fast`` preset on a GPU, which has room for many."""
-
-
-@dataclass(frozen=True)
-class TrainConfig:
-    """Settings of the training stage."""
-
-    preset: Literal["fast", "paper"] = "fast"
-    num_worlds: int | None = None
-    """Worlds simulated at once; by default the preset's on a CPU, and 4096 for ``fast`` on a GPU."""
-    iterations: int | None = None
-    """PPO iterations; by default the preset's."""
-    seed: int = 1
-
-    def resolve(self, device: str) -> Preset:
-        """Return the preset with all overrides."""
-        preset = preset_named(self.preset)
-        num_worlds = self.num_worlds
-        if num_worlds is None:
-            on_gpu = device.startswith("cuda") and self.preset == "fast"
-            num_worlds = CUDA_WORLDS if on_gpu else preset.env.num_worlds
-        iterations = preset.ppo.iterations if self.iterations is None else self.iterations
-        if num_worlds < 1 or iterations < 1:
-            raise PolicyError("num-worlds and iterations must be at least 1")
-        return Preset(
-            env=replace(preset.env, num_worlds=num_worlds, seed=self.seed),
-            ppo=replace(preset.ppo, iterations=iterations),
-        )
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:

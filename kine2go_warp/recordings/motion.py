@@ -14,15 +14,19 @@ from kine2go_warp.dataset.reader import MotionData
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.robots import GO2, RobotSpec
-from kine2go_warp.robots.spec import LEG_JOINTS
+from kine2go_warp.robots.spec import LEG_JOINTS, UrdfReader
 
 PAUSE = 0.5
 """Gap between two trajectories on the timeline [s]."""
 
-REFERENCE_COLOUR = (60, 200, 120, 90)
+REFERENCE_COLOUR = (60, 200, 120, 70)
+PLOT_REFERENCE_COLOUR = (150, 150, 150)
 CONTACT_COLOUR = (255, 140, 0)
 CONTACT_THRESHOLD = 5.0
 """A foot that bears more than this is drawn as standing [N]."""
+
+SHAPES = {"box": rr.Boxes3D, "cylinder": rr.Cylinders3D, "sphere": rr.Ellipsoids3D}
+"""What the primitive shapes of a URDF become in Rerun."""
 
 LEG_COLOURS = {"FL": (225, 87, 89), "FR": (78, 121, 167), "RL": (242, 142, 43), "RR": (118, 183, 178)}
 
@@ -94,11 +98,7 @@ def log_robot(
         spec.urdf, name, frame_prefix=f"{name}/", static_transform_entity_path=f"transforms/{name}/static"
     )
     tree.log_urdf_to_recording(recording)
-    if colour is not None:
-        for link in (tree.get_link_by_name(link) for link in robot_links(spec)):
-            for entity in tree.get_visual_geometry_paths(link) if link else ():
-                for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D):
-                    recording.log(entity, shape.from_fields(colors=[colour]), static=True)
+    paint_robot(recording, tree, spec, colour)
     index = [rr.TimeColumn("time", duration=track.time)]
     recording.send_columns(
         f"transforms/{name}/root",
@@ -120,10 +120,20 @@ def log_robot(
         )
 
 
-def robot_links(spec: RobotSpec) -> list[str]:
-    """Return the names of all links of the robot."""
-    legs = [f"{leg.name}_{part}" for leg in spec.legs for part in ("hip", "thigh", "calf", "foot")]
-    return [spec.base_link, *legs]
+def paint_robot(
+    recording: rr.RecordingStream, tree: UrdfTree, spec: RobotSpec, colour: tuple[int, int, int, int] | None
+) -> None:
+    """Make a robot's shapes solid, in the colours of its URDF or all in one."""
+    reader = UrdfReader(spec.urdf)
+    for name in [link.attrib["name"] for link in reader.root.findall("link")]:
+        link = tree.get_link_by_name(name)
+        for entity in tree.get_visual_geometry_paths(link) if link else ():
+            visual = f"link[@name='{name}']/visual[@name='{entity.rpartition('/')[2]}']"
+            shape = SHAPES[reader.find(f"{visual}/geometry")[0].tag]
+            material = reader.find(f"{visual}/material").attrib["name"]
+            own = [float(part) for part in reader.find(f"material[@name='{material}']/color").attrib["rgba"].split()]
+            paint = shape.from_fields(colors=[colour or own], fill_mode="solid")
+            recording.log(entity, paint, static=True)
 
 
 def log_path(recording: rr.RecordingStream, track: Track) -> None:
@@ -161,12 +171,10 @@ def log_plots(recording: rr.RecordingStream, track: Track, spec: RobotSpec) -> N
     """Log joint positions beside their references, and the tracking errors."""
     rows = track.rows
     for column, joint in enumerate(spec.joint_names):
-        colour = LEG_COLOURS[joint[:2]]
-        name = joint.removesuffix("_joint")
-        log_scalar(recording, track, f"plots/joints/{name}", rows["joint_position"][:, column], colour)
-        faint = tuple(128 + part // 2 for part in colour)
+        entity = f"plots/joints/{joint.removesuffix('_joint')}"
+        log_scalar(recording, track, entity, rows["joint_position"][:, column], LEG_COLOURS[joint[:2]])
         log_scalar(
-            recording, track, f"plots/joints/{name}_reference", rows["reference_joint_position"][:, column], faint
+            recording, track, f"{entity}_reference", rows["reference_joint_position"][:, column], PLOT_REFERENCE_COLOUR
         )
     joint_error = np.sqrt(np.mean((rows["joint_position"] - rows["reference_joint_position"]) ** 2, axis=-1))
     root_error = np.linalg.norm(rows["root_position"] - rows["reference_root_position"], axis=-1)
@@ -189,14 +197,21 @@ def log_scalar(
 
 def blueprint(motion: str, spec: RobotSpec) -> rrb.Blueprint:
     """Return how the viewer is laid out: the scene on the left, plots on the right."""
+    robot = f"/robot/{spec.name}"
     scene = rrb.Spatial3DView(
         name=motion,
         origin="/",
-        contents=["+ /robot/**", "+ /reference/**", "+ /transforms/**", "+ /contacts/**", "+ /path/**"],
+        contents=[
+            *(f"+ /{part}/**" for part in ("robot", "reference", "transforms", "contacts", "path")),
+            *(f"- /{part}/{spec.name}/collision_geometries/**" for part in ("robot", "reference")),
+        ],
         eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=(1.2, -1.4, 0.7), tracking_entity="/robot/go2/base"
+            kind=rrb.Eye3DKind.Orbital,
+            position=(0.9, -1.0, 0.55),
+            tracking_entity=f"{robot}/visual_geometries/{spec.base_link}/base_box_visual",
         ),
         background=rrb.Background(color=(28, 30, 36)),
+        spatial_information=rrb.SpatialInformation(target_frame="world"),
     )
     plots = rrb.Vertical(
         rrb.TimeSeriesView(name="errors", origin="plots/errors"),

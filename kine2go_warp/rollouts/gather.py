@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,53 +12,14 @@ from kine2go_warp.dataset.quality import tracking_quality
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.device import choose_device
-from kine2go_warp.env.config import EnvConfig, ResetConfig, TerminationConfig
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
     from kine2go_warp.env.environment import ImitationEnvironment
-
-
-@dataclass(frozen=True)
-class GatherConfig:
-    """Settings of the gathering stage."""
-
-    trajectories: int = 20
-    """Rollouts to run."""
-    rows: int = 571
-    """Rows of a trajectory after the trim."""
-    warm_up: float = 0.5
-    """Dropped from the beginning of each rollout, where the policy gets in step with the reference [s]."""
-    noise: float = 1.0
-    """Noise on the actions, in standard deviations of the policy."""
-    seed: int = 1
-    max_distance: float = 0.5
-    """A rollout whose root is ever farther than this from its reference is rejected [m]."""
-    max_angle: float = 0.8
-    """A rollout whose root is ever turned further than this from its reference is rejected [rad]."""
-    max_joint_rmse: float = 0.25
-    """A rollout whose joints track worse than this is rejected [rad]."""
-
-    def __post_init__(self) -> None:
-        if self.trajectories < 1 or self.rows < 2:
-            raise DatasetError("trajectories must be at least 1 and rows at least 2")
-        if self.noise < 0.0 or self.warm_up < 0.0:
-            raise DatasetError("noise and warm-up must not be negative")
-
-    def environment(self, trained: EnvConfig) -> EnvConfig:
-        """Return the environment to gather in: that of the training, with the limits of a good rollout."""
-        time = self.warm_up + (self.rows + 2) / trained.control_rate
-        return replace(
-            trained,
-            num_worlds=self.trajectories,
-            seed=self.seed,
-            episode_time=time,
-            reset=ResetConfig(),
-            termination=TerminationConfig(self.max_distance, self.max_angle),
-        )
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,9 @@ class RolloutRecorder:
             "phase",
             "cycle",
         )
-        arrays = dict(zip(root + links + reference, self._root + self._links + self._reference, strict=True))
+        arrays: dict[str, wp.array] = dict(
+            zip(root + links + reference, self._root + self._links + self._reference, strict=True)
+        )
         arrays["reference_joint_position"] = environment.reference.joint_position
         arrays["joint_torque"] = environment.torque
         arrays["foot_contact_force"] = environment.foot_force

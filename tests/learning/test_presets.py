@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.learning.config import CUDA_WORLDS, TrainConfig
 from kine2go_warp.learning.presets import FAST, PAPER, Preset, preset_named
-from kine2go_warp.learning.train import CUDA_WORLDS, TrainConfig
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 

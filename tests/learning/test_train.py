@@ -4,9 +4,10 @@ import pytest
 import torch
 
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.runner import load_checkpoint
-from kine2go_warp.learning.train import TrainConfig, train
+from kine2go_warp.learning.train import train
 
 TINY = TrainConfig(num_worlds=8, iterations=2)
 

@@ -5,7 +5,8 @@ import pytest
 
 from kine2go_warp.errors import CatalogueError, ClipError
 from kine2go_warp.motions.catalogue import load_catalogue, motion_named
-from kine2go_warp.motions.retarget import RetargetConfig, retarget
+from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
 
 

@@ -10,7 +10,8 @@ from kine2go_warp.errors import DatasetError
 from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.rollouts.gather import GatherConfig, gather
+from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.gather import gather
 
 # A policy after three iterations drifts far; these limits keep most of its rollouts.
 LOOSE = GatherConfig(trajectories=6, rows=40, max_distance=3.0, max_angle=3.0, max_joint_rmse=10.0)

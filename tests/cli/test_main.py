@@ -1,0 +1,137 @@
+"""The command line as a person meets it: help, one-line errors, exit statuses, nothing half-written."""
+
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from kine2go_warp.cli.commands import DATA_VARIABLE
+from kine2go_warp.cli.main import explain, main
+
+KINE2GO = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
+
+
+def kine2go(*arguments, cwd, **options):
+    environment = {name: value for name, value in os.environ.items() if name != DATA_VARIABLE}
+    return subprocess.run(
+        [*KINE2GO, *map(str, arguments)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("command", ["", "retarget", "train", "gather", "run", "demo", "doctor"])
+def test_every_command_explains_itself(command, tmp_path):
+    result = kine2go(*command.split(), "--help", cwd=tmp_path)
+    assert result.returncode == 0
+    assert "usage: kine2go" in result.stdout
+
+
+BAD_INPUT = {
+    "unknown motion": ("retarget wolf", "unknown motion 'wolf'"),
+    "no motion": ("retarget", "name at least one motion"),
+    "no data folder": ("retarget ai4_dog_pace", "--data"),
+    "missing data folder": ("retarget ai4_dog_pace --data nowhere", "no such folder"),
+    "missing motion file": ("retarget ai4_dog_pace --data .", "no such motion file"),
+    "missing clip": ("train clip.npz", "no such clip"),
+    "wrong clip": ("train wrong.npz", "not a clip"),
+    "folder for a clip": ("train .", "not a clip"),
+    "missing policy": ("gather policy", "no policy here"),
+    "missing recipe": ("run recipe.toml", "no such recipe"),
+    "wrong recipe": ("run wrong.toml", "unknown key"),
+    "recipe without data": ("run smoke", "--data"),
+    "no iterations": ("train clip.npz --iterations 0", "no such clip"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_INPUT, ids=lambda case: case.replace(" ", "-"))
+def test_bad_input_gets_one_line_status_2_and_nothing_written(case, tmp_path):
+    arguments, message = BAD_INPUT[case]
+    (tmp_path / "wrong.npz").write_text("no clip")
+    (tmp_path / "wrong.toml").write_text("name = 'a'\nmotions = ['dog_trot']\ncolour = 'red'\n")
+    before = sorted(path.name for path in tmp_path.rglob("*"))
+    result = kine2go(*arguments.split(), cwd=tmp_path)
+    assert result.returncode == 2, result.stderr
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("kine2go: error: ")
+    assert message in lines[0]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == before
+
+
+def test_an_unknown_option_ends_with_status_2(tmp_path):
+    result = kine2go("demo", "--speed", "9", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+def test_a_device_that_is_not_there_is_named(clip, tmp_path):
+    clip.save(tmp_path / "clip.npz")
+    result = kine2go("train", "clip.npz", "--device", "cuda:77", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "no device 'cuda:77' on this machine" in result.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def limit_files_to(size):
+    """Make every write beyond a size fail, as on a disk that is full."""
+
+    def apply():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return apply
+
+
+def test_a_disk_that_is_full_leaves_nothing_half_written(tmp_path):
+    result = kine2go("retarget", "dog_trot", "--out", ".", cwd=tmp_path, preexec_fn=limit_files_to(2000))
+    assert result.returncode == 2, result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1, result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+LOOSE = ["--trajectories", "3", "--rows", "20", "--max-distance", "9", "--max-angle", "4", "--max-joint-rmse", "9"]
+
+
+def test_a_disk_that_fills_up_during_gathering_keeps_the_dataset(policy, tmp_path):
+    def files():
+        return {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    command = ["gather", policy.path, *LOOSE, "--device", "cpu", "--out", "data.zarr"]
+    first = kine2go(*command, cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    before = files()
+    result = kine2go(*command, "--seed", "2", cwd=tmp_path, preexec_fn=limit_files_to(20_000))
+    assert result.returncode == 2, result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stderr.strip().splitlines()[-1].startswith("kine2go: error: ")
+    assert files() == before
+
+
+def test_errors_of_the_file_system_say_what_to_do():
+    assert "no space left on the disk" in explain(OSError(errno.ENOSPC, "No space left on device", "runs/a"))
+    assert explain(PermissionError(errno.EACCES, "Permission denied", "/root/x")).startswith("/root/x: no permission")
+
+
+def test_doctor_lists_devices_and_motions(capsys):
+    assert main(["doctor"]) == 0
+    output = capsys.readouterr().out
+    assert "cpu" in output
+    assert "dog_trot" in output
+
+
+def test_an_interruption_ends_with_status_130(monkeypatch, capsys):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kine2go_warp.cli.commands.Doctor.run", interrupt)
+    assert main(["doctor"]) == 130
+    assert "continues where it stopped" in capsys.readouterr().err

@@ -1,0 +1,111 @@
+"""What ARCHITECTURE.md promises of imports, read from the code and seen in running processes."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import REPOSITORY
+
+LEAVES = {"kine2go_warp", "errors", "files", "settings", "device"}
+
+ALLOWED = {
+    "kernels": {"kernels"},
+    "robots": {"robots"},
+    "motions": {"motions", "robots"},
+    "env": {"env", "kernels", "motions", "robots"},
+    "learning": {"learning", "env", "kernels", "motions", "robots"},
+    "dataset": {"dataset", "kernels", "robots"},
+    "rollouts": {"rollouts", "dataset", "learning", "env", "kernels", "motions", "robots"},
+    "recordings": {"recordings", "dataset", "robots"},
+    "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
+    "cli": {"cli", "pipelines", "rollouts", "dataset", "learning", "motions", "robots"},
+}
+"""Which parts each part of the package may import, besides the leaves."""
+
+
+def folder_of(part: str) -> Path:
+    top = REPOSITORY / part
+    return top if top.is_dir() else REPOSITORY / "kine2go_warp" / part
+
+
+def imported_parts(path: Path) -> set[str]:
+    """The parts of the package that a file imports, wherever in it."""
+    parts = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module]
+            if node.module == "kine2go_warp":
+                names = [f"kine2go_warp.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            pieces = name.split(".")
+            if pieces[0] == "kine2go_warp":
+                part = pieces[1] if len(pieces) > 1 else "kine2go_warp"
+                parts.add("kine2go_warp" if part == "__version__" else part)
+    return parts
+
+
+@pytest.mark.parametrize("part", ALLOWED)
+def test_imports_run_one_way(part):
+    files = list(folder_of(part).rglob("*.py"))
+    assert files
+    for path in files:
+        beyond = imported_parts(path) - ALLOWED[part] - LEAVES
+        assert not beyond, f"{path.relative_to(REPOSITORY)} imports {beyond}"
+
+
+def test_every_part_of_the_package_is_in_the_table():
+    folder = REPOSITORY / "kine2go_warp"
+    parts = {path.name for path in folder.iterdir() if path.is_dir() and path.name != "__pycache__"}
+    assert parts == set(ALLOWED)
+
+
+BLOCK = """
+import sys
+
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {packages!r}:
+            raise ModuleNotFoundError("blocked by the test: " + name, name=name)
+
+sys.meta_path.insert(0, Block())
+"""
+
+
+def run_without(packages: tuple[str, ...], script: str, folder: Path) -> None:
+    """Run a script in a process in which some packages cannot be imported."""
+    result = subprocess.run(
+        [sys.executable, "-c", BLOCK.format(packages=packages) + script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_retargeting_needs_no_torch_and_no_simulator(tmp_path):
+    script = "from kine2go_warp.cli.main import main; assert main(['retarget', 'dog_trot', '--out', '.']) == 0"
+    run_without(("torch", "newton", "warp", "rsl_rl", "zarr", "rerun"), script, tmp_path)
+
+
+def test_training_and_gathering_need_neither_placo_nor_rerun(clip, tmp_path):
+    clip.save(tmp_path / "dog_trot.npz")
+    script = """
+from kine2go_warp.cli.main import main
+assert main("train dog_trot.npz --out policy --device cpu --iterations 1 --num-worlds 4".split()) == 0
+assert main("gather policy --out data.zarr --device cpu --trajectories 2 --rows 5 --max-distance 9 --max-angle 4"
+            " --max-joint-rmse 9".split()) == 0
+"""
+    run_without(("placo", "pinocchio", "rerun"), script, tmp_path)
+
+
+def test_files_fit_in_a_head():
+    for part in ALLOWED:
+        for path in folder_of(part).rglob("*.py"):
+            assert len(path.read_text().splitlines()) <= 400, path
