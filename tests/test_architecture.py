@@ -79,13 +79,8 @@ sys.meta_path.insert(0, Block())
 
 def run_without(packages: tuple[str, ...], script: str, folder: Path) -> None:
     """Run a script in a process in which some packages cannot be imported."""
-    result = subprocess.run(
-        [sys.executable, "-c", BLOCK.format(packages=packages) + script],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", BLOCK.format(packages=packages) + script]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
 
 

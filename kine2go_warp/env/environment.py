@@ -103,7 +103,7 @@ class ImitationEnvironment:
         silence_iteration_warnings(self.solver)
         self.states = (self.model.state(), self.model.state())
         self.control = self.model.control()
-        self.joint_force = self.control.joint_f.reshape((num_worlds, 18))
+        self.joint_force = by_world(self.control.joint_f, num_worlds)
         self.coordinates = [
             (by_world(state.joint_q, num_worlds), by_world(state.joint_qd, num_worlds)) for state in self.states
         ]

@@ -97,9 +97,8 @@ class RolloutRecorder:
             "phase",
             "cycle",
         )
-        arrays: dict[str, wp.array] = dict(
-            zip(root + links + reference, self._root + self._links + self._reference, strict=True)
-        )
+        buffers = self._root + self._links + self._reference
+        arrays: dict[str, wp.array] = dict(zip(root + links + reference, buffers, strict=True))
         arrays["reference_joint_position"] = environment.reference.joint_position
         arrays["joint_torque"] = environment.torque
         arrays["foot_contact_force"] = environment.foot_force
