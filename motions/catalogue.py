@@ -56,9 +56,16 @@ class CatalogueEntry:
             )
         return data_folder / self.file
 
+    def is_there(self, data_folder: Path | None) -> bool:
+        """Return whether the file is there."""
+        if not self.bundled and data_folder is None:
+            return False
+        return self.motion_source.data_file(self.path(data_folder)).is_file()
+
     def origin(self, path: Path, start: int, end: int, rate: float) -> ClipOrigin:
         """Return the record of where a clip comes from."""
-        return ClipOrigin(self.source, self.file, sha256_of(path), start, end, rate, self.licence, self.citation)
+        digest = sha256_of(self.motion_source.data_file(path))
+        return ClipOrigin(self.source, self.file, digest, start, end, rate, self.licence, self.citation)
 
 
 @cache

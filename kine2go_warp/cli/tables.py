@@ -94,7 +94,7 @@ def print_motions(data_folder: Path | None) -> None:
     for heading in ("name", "file", "frames", "licence", "there"):
         table.add_column(heading)
     for entry in load_catalogue().values():
-        there = (entry.bundled or data_folder is not None) and entry.path(data_folder).is_file()
+        there = entry.is_there(data_folder)
         frames = f"{entry.frames.start} to {'last' if entry.frames.end == -1 else entry.frames.end}"
         table.add_row(entry.name, entry.file, frames, entry.licence, "yes" if there else "no")
     output = console()

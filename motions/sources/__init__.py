@@ -3,8 +3,10 @@
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.motions.sources.ai4animation import AI4Animation
 from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.motions.sources.solo8 import Solo8
+from kine2go_warp.motions.sources.vhdc import Vhdc
 
-SOURCES: dict[str, type[MotionSource]] = {source.name: source for source in (AI4Animation,)}
+SOURCES: dict[str, type[MotionSource]] = {source.name: source for source in (AI4Animation, Vhdc, Solo8)}
 """All sources by the name that catalogue entries use."""
 
 
@@ -19,4 +21,4 @@ def source_named(name: str) -> MotionSource:
     return SOURCES[name]()
 
 
-__all__ = ["SOURCES", "AI4Animation", "MotionSource", "source_named"]
+__all__ = ["SOURCES", "AI4Animation", "MotionSource", "Solo8", "Vhdc", "source_named"]

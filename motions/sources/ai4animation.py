@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.keypoints import KEYPOINTS, MINIMUM_FRAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.motions.sources.tables import parse_numbers, read_lines
 
 NUM_POINTS = 27
 
@@ -39,57 +38,9 @@ class AI4Animation(MotionSource):
 
     def read(self, path: Path) -> KeypointMotion:
         """Read a whole file; see ``MotionSource.read``."""
-        rows = read_number_table(path, 3 * NUM_POINTS)
+        rows = parse_numbers(path, read_lines(path), 3 * NUM_POINTS, LARGEST_COORDINATE)
         points_y_up = rows.reshape(len(rows), NUM_POINTS, 3)
         columns = [COLUMN_OF_KEYPOINT[name] for name in KEYPOINTS]
         x, y, z = np.moveaxis(points_y_up[:, columns], -1, 0)
         time = np.arange(len(rows)) / self.rate
         return KeypointMotion(time, np.stack([x, -z, y], axis=-1))
-
-
-def read_number_table(path: Path, num_columns: int) -> NDArray[np.float64]:
-    """Read a comma-separated text file of finite numbers.
-
-    Returns:
-        The numbers, shape [num_lines, num_columns].
-
-    Raises:
-        ClipError: the file is missing, not text, has too few lines, a line of another width, or something that is not
-            a finite number.
-    """
-    lines = read_text_lines(path)
-    rows = np.empty((len(lines), num_columns))
-    for index, line in enumerate(lines):
-        where = f"{path}, line {index + 1}"
-        fields = line.rstrip().rstrip(",").split(",")
-        if len(fields) != num_columns:
-            raise ClipError(f"{where}: {len(fields)} columns instead of {num_columns}")
-        try:
-            rows[index] = [float(field) for field in fields]
-        except ValueError as error:
-            raise ClipError(f"{where}: not a number ({error})") from None
-        if not np.all(np.abs(rows[index]) <= LARGEST_COORDINATE):
-            raise ClipError(f"{where}: a coordinate is not finite or beyond {LARGEST_COORDINATE:g} m")
-    return rows
-
-
-def read_text_lines(path: Path) -> list[str]:
-    """Return the non-empty lines at the beginning of a text file.
-
-    Raises:
-        ClipError: there is no such file, it is not text, or it has too few lines for a motion.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ClipError(f"{path}: no such motion file") from None
-    except IsADirectoryError:
-        raise ClipError(f"{path}: is a folder, not a motion file") from None
-    except UnicodeDecodeError:
-        raise ClipError(f"{path}: not a text file") from None
-    except OSError as error:
-        raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
-    lines = text.rstrip().splitlines()
-    if len(lines) < MINIMUM_FRAMES:
-        raise ClipError(f"{path}: {len(lines)} line(s); a motion needs at least {MINIMUM_FRAMES} frames")
-    return lines

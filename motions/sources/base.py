@@ -21,6 +21,10 @@ class MotionSource(ABC):
     foot_outward: ClassVar[float] = 0.1
     """How far the feet are moved outwards, for the robot's thighs sit beside its hips [m]."""
 
+    def data_file(self, path: Path) -> Path:
+        """Return the file that ``path`` is in, for sources that name one motion among several in a file."""
+        return path
+
     @abstractmethod
     def read(self, path: Path) -> KeypointMotion:
         """Read a whole file.
