@@ -34,6 +34,8 @@ class CatalogueEntry:
     bundled: bool
     licence: str
     citation: str
+    sha256: str = ""
+    """Checksum of the file, empty where it is not known."""
     description: str = ""
 
     @property
@@ -87,6 +89,7 @@ def load_catalogue() -> dict[str, CatalogueEntry]:
             bundled=collection.get("bundled", False),
             licence=collection["licence"],
             citation=collection["citation"],
+            sha256=content["sha256"].get(collection["folder"] + motion["file"].partition(":")[0], ""),
             description=motion.get("description", ""),
         )
     return entries

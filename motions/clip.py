@@ -18,7 +18,7 @@ from kine2go_warp.robots.kinematics import foot_positions
 
 Array = NDArray[np.float64]
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,15 @@ class MotionClip:
     """Joint velocities [rad/s], shape [num_frames, 12]."""
     foot_position: Array
     """Foot centres by forward kinematics, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
+    stance: Array
+    """1 where a foot stands, 0 where it swings, shape [num_frames, 4]."""
     residual: Array
     """Largest distance of a foot from its retargeting target [m], shape [num_frames]."""
     cycle: CycleStep
     """Displacement of one whole cycle."""
     origin: ClipOrigin
+    slow_down: float = 1.0
+    """By which the motion was slowed to keep within the motors' speeds."""
 
     @property
     def num_frames(self) -> int:
@@ -105,11 +109,13 @@ class MotionClip:
             self.period / num_frames,
             CubicSpline(known, poses.root_position)(time),
             rotation.as_quat()[:, [3, 0, 1, 2]],
-            CubicSpline(known, poses.joint_position)(time),
+            CubicSpline(known, poses.channels)(time),
+            self.stance[np.minimum(np.round(time / self.frame_duration).astype(int), self.num_frames - 1)],
             np.interp(time, known[margin:-margin], self.residual),
             self.cycle,
             self.origin,
             spec,
+            self.slow_down,
         )
 
     def save(self, path: Path) -> None:
@@ -119,6 +125,7 @@ class MotionClip:
             "format_version": FORMAT_VERSION,
             "name": self.name,
             "frame_duration": self.frame_duration,
+            "slow_down": self.slow_down,
             "cycle": asdict(self.cycle),
             "origin": asdict(self.origin),
         }
@@ -145,6 +152,7 @@ class MotionClip:
         return cls(
             name=header["name"],
             frame_duration=header["frame_duration"],
+            slow_down=header["slow_down"],
             cycle=CycleStep(**header["cycle"]),
             origin=ClipOrigin(**header["origin"]),
             **arrays,
@@ -157,10 +165,12 @@ def assemble_clip(
     root_position: Array,
     root_orientation: Array,
     joint_position: Array,
+    stance: Array,
     residual: Array,
     cycle: CycleStep,
     origin: ClipOrigin,
     spec: RobotSpec,
+    slow_down: float = 1.0,
 ) -> MotionClip:
     """Complete a closed cycle of poses with velocities and feet."""
     poses = extend_cyclically(root_position, root_orientation, joint_position, cycle, 1, 1)
@@ -176,9 +186,11 @@ def assemble_clip(
         joint_position=joint_position,
         root_linear_velocity=(poses.root_position[2:] - poses.root_position[:-2]) / span,
         root_angular_velocity=turns.as_rotvec() / span,
-        joint_velocity=(poses.joint_position[2:] - poses.joint_position[:-2]) / span,
+        joint_velocity=(poses.channels[2:] - poses.channels[:-2]) / span,
         foot_position=feet + root_position[:, None],
+        stance=stance,
         residual=residual,
         cycle=cycle,
         origin=origin,
+        slow_down=slow_down,
     )

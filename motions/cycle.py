@@ -47,18 +47,18 @@ class CycleStep:
 
 @dataclass(frozen=True)
 class PoseSequence:
-    """Root poses and joint positions of successive frames."""
+    """Root poses of successive frames, and what travels with the root."""
 
     root_position: Array
     """[m], shape [num_frames, 3]."""
     root_orientation: Array
     """(w, x, y, z), shape [num_frames, 4]."""
-    joint_position: Array
-    """[rad], shape [num_frames, 12]."""
+    channels: Array
+    """Joint positions [rad], or feet in the root's heading frame [m], shape [num_frames, 12]."""
 
 
 def extend_cyclically(
-    root_position: Array, root_orientation: Array, joint_position: Array, cycle: CycleStep, before: int, after: int
+    root_position: Array, root_orientation: Array, channels: Array, cycle: CycleStep, before: int, after: int
 ) -> PoseSequence:
     """Continue a closed cycle by some frames on either side."""
     num_frames = len(root_position)
@@ -71,7 +71,7 @@ def extend_cyclically(
         positions[chosen], orientations[chosen] = cycle.repeated(int(turn)).apply(
             root_position[index], root_orientation[index]
         )
-    return PoseSequence(positions, continuous(orientations), joint_position[frames % num_frames])
+    return PoseSequence(positions, continuous(orientations), channels[frames % num_frames])
 
 
 def recentred(poses: PoseSequence) -> PoseSequence:
@@ -81,7 +81,7 @@ def recentred(poses: PoseSequence) -> PoseSequence:
     return PoseSequence(
         turn_planar(poses.root_position - shift, -yaw),
         continuous(from_rotation(yaw_rotation(-yaw) * to_rotation(poses.root_orientation))),
-        poses.joint_position,
+        poses.channels,
     )
 
 
@@ -92,7 +92,7 @@ def with_extrapolated_frame(poses: PoseSequence) -> PoseSequence:
     return PoseSequence(
         np.vstack([poses.root_position, 2.0 * poses.root_position[-1] - poses.root_position[-2]]),
         np.vstack([poses.root_orientation, from_rotation(step * last)]),
-        np.vstack([poses.joint_position, 2.0 * poses.joint_position[-1] - poses.joint_position[-2]]),
+        np.vstack([poses.channels, 2.0 * poses.channels[-1] - poses.channels[-2]]),
     )
 
 
@@ -100,7 +100,7 @@ def close_cycle(poses: PoseSequence, blend_frames: int) -> tuple[PoseSequence, C
     """Turn T + 1 recentred frames into a cycle of T frames whose continuation is exact.
 
     The last frame tells where the next cycle begins: its place in the ground plane and its heading become the cycle's
-    displacement. What else differs between it and frame 0 (height, tilt, joints) is the seam; half of it is taken off
+    displacement. What else differs between it and frame 0 (height, tilt, channels) is the seam; half of it is taken off
     the frames before the seam and half is added to those after it, fading out smoothly over ``blend_frames``.
 
     Returns:
@@ -119,8 +119,8 @@ def close_cycle(poses: PoseSequence, blend_frames: int) -> tuple[PoseSequence, C
     orientation = continuous(from_rotation(yaw_rotation(turn) * to_rotation(blended)))
     position = poses.root_position[:-1].copy()
     position[:, 2] += weight[:, 0] * (end[2] - position[0, 2])
-    joints = poses.joint_position[:-1] + weight * (poses.joint_position[-1] - poses.joint_position[0])
-    return PoseSequence(position, orientation, joints), cycle
+    channels = poses.channels[:-1] + weight * (poses.channels[-1] - poses.channels[0])
+    return PoseSequence(position, orientation, channels), cycle
 
 
 def seam_weights(num_frames: int, blend_frames: int) -> Array:

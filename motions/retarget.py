@@ -1,18 +1,53 @@
 """From a motion file to the clip that the simulation tracks."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.motions.body import fit_height, lowest_body_point, smooth_root, smooth_shift
 from kine2go_warp.motions.catalogue import CatalogueEntry
-from kine2go_warp.motions.clip import MotionClip, assemble_clip
+from kine2go_warp.motions.clip import ClipOrigin, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
-from kine2go_warp.motions.cycle import PoseSequence, close_cycle, recentred, with_extrapolated_frame
-from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-from kine2go_warp.motions.targets import pose_targets
+from kine2go_warp.motions.cycle import (
+    CycleStep,
+    PoseSequence,
+    close_cycle,
+    extend_cyclically,
+    recentred,
+    with_extrapolated_frame,
+)
+from kine2go_warp.motions.cycle_search import best_cycle
+from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
+from kine2go_warp.motions.rotations import heading, turn_planar
+from kine2go_warp.motions.stance import detect_stance, hold_feet
+from kine2go_warp.motions.targets import PoseTargets, pose_targets
+from kine2go_warp.robots import RobotSpec
+
+Array = NDArray[np.float64]
+
+MARGIN_TIME = 1.0
+"""A cycle is continued by itself, but by this at least, on either side while it is cleaned, so that no stance is cut
+and filters see no ends [s]."""
+SOLVED_MARGIN = 0.25
+"""How far beyond the cycle joints are solved for [s]."""
+FLOOR_PASSES = 3
+"""How often the base is raised until no part of the body is below the floor."""
+
+
+@dataclass(frozen=True)
+class Retargeted:
+    """A clip and what it was made of, to judge it by."""
+
+    clip: MotionClip
+    source_path_length: float
+    """Length of the base's path in the ground plane according to the source, scaled [m]."""
 
 
 def retarget(
     entry: CatalogueEntry, data_folder: Path | None, solver: InverseKinematics, config: RetargetConfig
-) -> MotionClip:
+) -> Retargeted:
     """Retarget one catalogue entry.
 
     The range of T frames becomes a cycle of T frames; the frame after the range, if the file has one, tells where the
@@ -26,20 +61,157 @@ def retarget(
     path = entry.path(data_folder)
     motion = source.read(path)
     start, end = entry.frames.resolve(motion.num_frames, str(path))
-    selected = motion.frames(start, min(end + 1, motion.num_frames))
-    trajectory = solver.solve(pose_targets(selected, source, solver.spec))
-    poses = PoseSequence(trajectory.root_position, trajectory.root_orientation, trajectory.joint_position)
-    if end == motion.num_frames:
+    targets = pose_targets(motion, source, solver.spec)
+    if config.mode == "contact" and config.search_frames > 0:
+        start, end = best_cycle(targets, start, end, config.search_frames)
+    selected = targets.frames(start, min(end + 1, motion.num_frames))
+    origin = entry.origin(path, start, end, motion.rate)
+    make = retarget_contacts if config.mode == "contact" else retarget_plain
+    clip = make(entry.name, selected, end == motion.num_frames, 1.0 / motion.rate, origin, solver, config)
+    steps = np.linalg.norm(np.diff(selected.root_position[:, :2], axis=0), axis=1)
+    return Retargeted(clip, float(steps.sum()))
+
+
+def retarget_plain(
+    name: str,
+    targets: PoseTargets,
+    open_ended: bool,
+    frame_duration: float,
+    origin: ClipOrigin,
+    solver: InverseKinematics,
+    config: RetargetConfig,
+) -> MotionClip:
+    """Follow the paper's rule: inverse kinematics frame by frame, then a blended seam in joint space."""
+    solved = solver.solve(targets)
+    poses = PoseSequence(solved.root_position, solved.root_orientation, solved.joint_position)
+    if open_ended:
         poses = with_extrapolated_frame(poses)
     closed, cycle = close_cycle(recentred(poses), config.blend_frames)
+    feet = targets.foot_position - np.array([0.0, 0.0, solver.spec.foot_radius])
+    num_frames = len(closed.root_position)
+    stance = detect_stance(feet, targets.root_position, frame_duration, config)[:num_frames].astype(float)
+    residual = solved.residual[:num_frames]
     return assemble_clip(
-        entry.name,
-        1.0 / motion.rate,
+        name,
+        frame_duration,
         closed.root_position,
         closed.root_orientation,
-        closed.joint_position,
-        trajectory.residual[: end - start],
+        closed.channels,
+        stance,
+        residual,
         cycle,
-        entry.origin(path, start, end, motion.rate),
+        origin,
         solver.spec,
+    )
+
+
+def retarget_contacts(
+    name: str,
+    targets: PoseTargets,
+    open_ended: bool,
+    frame_duration: float,
+    origin: ClipOrigin,
+    solver: InverseKinematics,
+    config: RetargetConfig,
+) -> MotionClip:
+    """Close the cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
+
+    All of it is done on the cycle continued on both sides, so that what comes out in the middle is periodic.
+    """
+    poses = PoseSequence(targets.root_position, targets.root_orientation, feet_in_heading_frame(targets))
+    if open_ended:
+        poses = with_extrapolated_frame(poses)
+    closed, cycle = close_cycle(recentred(poses), config.blend_frames)
+    num_frames = len(closed.root_position)
+    margin = max(num_frames, round(MARGIN_TIME / frame_duration))
+    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.channels, cycle, margin, margin)
+    feet = feet_in_world(longer)
+    feet[..., 2] -= solver.spec.foot_radius
+    stance = detect_stance(feet, longer.root_position, frame_duration, config)
+    feet = hold_feet(feet, stance, config)
+    feet[..., 2] += solver.spec.foot_radius
+    position, orientation = smooth_root(
+        longer.root_position, longer.root_orientation, config.smoothing / frame_duration
+    )
+    position = fit_height(solver.spec, position, orientation, feet, frame_duration, config)
+    first = round(SOLVED_MARGIN / frame_duration)
+    around = slice(margin - first, margin + num_frames + first)
+    solved = solve_above_floor(position[around], orientation[around], feet[around], frame_duration, solver)
+    middle = slice(first, first + num_frames)
+    centred = recentred(
+        PoseSequence(solved.root_position[middle], solved.root_orientation[middle], solved.joint_position[middle])
+    )
+    step = cycle_between(solved, first, num_frames)
+    clip = assemble_clip(
+        name,
+        frame_duration,
+        centred.root_position,
+        centred.root_orientation,
+        centred.channels,
+        stance[margin : margin + num_frames].astype(float),
+        solved.residual[middle],
+        step,
+        origin,
+        solver.spec,
+    )
+    return slowed_to_motors(clip, solver.spec)
+
+
+def feet_in_heading_frame(targets: PoseTargets) -> Array:
+    """Return the feet relative to the root's place in the plane, in its heading; heights over the floor stay.
+
+    Shape [num_frames, 12].
+    """
+    offset = targets.foot_position - targets.root_position[:, None] * np.array([1.0, 1.0, 0.0])
+    return turn_planar(offset, -heading(targets.root_orientation)[:, None]).reshape(len(offset), 12)
+
+
+def feet_in_world(poses: PoseSequence) -> Array:
+    """Undo ``feet_in_heading_frame``: foot centres in the world [m], shape [num_frames, 4, 3]."""
+    feet = turn_planar(poses.channels.reshape(-1, 4, 3), heading(poses.root_orientation)[:, None])
+    return feet + poses.root_position[:, None] * np.array([1.0, 1.0, 0.0])
+
+
+def solve_above_floor(
+    position: Array, orientation: Array, feet: Array, frame_duration: float, solver: InverseKinematics
+) -> RobotTrajectory:
+    """Solve for the joints, raising the base where trunk, head or knees would be below the floor."""
+    time = np.arange(len(position)) * frame_duration
+    solved = solver.solve(PoseTargets(time, position, orientation, feet))
+    for _ in range(FLOOR_PASSES):
+        lowest = lowest_body_point(solver.spec, solved.root_position, solved.root_orientation, solved.joint_position)
+        if lowest.min() >= 0.0:
+            break
+        position = position.copy()
+        position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, max(round(0.08 / frame_duration), 1))
+        solved = solver.solve(PoseTargets(time, position, orientation, feet))
+    return solved
+
+
+def cycle_between(solved: RobotTrajectory, first: int, num_frames: int) -> CycleStep:
+    """Return the displacement from a frame to the one a cycle later, as seen from the former."""
+    ends = [first, first + num_frames]
+    yaw = heading(solved.root_orientation[ends])
+    offset = turn_planar(solved.root_position[ends[1]] - solved.root_position[ends[0]], -yaw[0])
+    turn = (yaw[1] - yaw[0] + np.pi) % (2.0 * np.pi) - np.pi
+    return CycleStep(float(offset[0]), float(offset[1]), float(turn))
+
+
+def slowed_to_motors(clip: MotionClip, spec: RobotSpec) -> MotionClip:
+    """Return the clip, slowed by the smallest factor that keeps every joint within its motor's speed."""
+    factor = float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max())
+    if factor <= 1.0:
+        return clip
+    return assemble_clip(
+        clip.name,
+        clip.frame_duration * factor,
+        clip.root_position,
+        clip.root_orientation,
+        clip.joint_position,
+        clip.stance,
+        clip.residual,
+        clip.cycle,
+        clip.origin,
+        spec,
+        factor,
     )

@@ -30,6 +30,15 @@ class PoseTargets:
     foot_position: Array
     """Foot centres, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
 
+    def frames(self, start: int, stop: int) -> "PoseTargets":
+        """Return the frames ``start`` to ``stop`` (exclusive)."""
+        return PoseTargets(
+            self.time[start:stop],
+            self.root_position[start:stop],
+            self.root_orientation[start:stop],
+            self.foot_position[start:stop],
+        )
+
 
 def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) -> PoseTargets:
     """Map an animal's keypoints onto the robot.

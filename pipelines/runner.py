@@ -136,7 +136,7 @@ class RecipeRunner:
         from kine2go_warp.motions.retarget import retarget
 
         self.observer.stage(entry.name, "retarget")
-        clip = retarget(entry, self.data_folder, InverseKinematics(GO2), self.recipe.retarget)
+        clip = retarget(entry, self.data_folder, InverseKinematics(GO2), self.recipe.retarget).clip
         path = self.workspace.clip(entry.name)
         if not path.is_file() or MotionClip.load(path).content_hash() != clip.content_hash():
             clip.save(path)

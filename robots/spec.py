@@ -45,6 +45,14 @@ class RobotSpec:
     foot_links: tuple[str, ...]
     foot_radius: float
     """Radius of the foot sphere [m]."""
+    trunk_size: tuple[float, float, float]
+    """Edges of the trunk's box, centred on the base origin [m]."""
+    head_centre: tuple[float, float, float]
+    """Centre of the head's sphere in the base frame [m]."""
+    head_radius: float
+    """Radius of the head's sphere [m]."""
+    thigh_radius: float
+    """Radius of the thigh's capsule, which ends at the knee [m]."""
     joint_lower: tuple[float, ...]
     """Lower joint limits [rad], shape [12]."""
     joint_upper: tuple[float, ...]
@@ -112,9 +120,15 @@ class UrdfReader:
             calf_length=-self.joint_offset(f"{name}_foot_joint")[2],
         )
 
-    def sphere_radius(self, link: str) -> float:
-        """Return the radius of the collision sphere of a link [m]."""
-        return float(self.find(f"link[@name='{link}']/collision/geometry/sphere").attrib["radius"])
+    def collision(self, link: str, shape: str, attribute: str) -> float:
+        """Return a dimension of the first collision shape of a kind (``sphere``, ``cylinder``) of a link [m]."""
+        return float(self.find(f"link[@name='{link}']/collision/geometry/{shape}").attrib[attribute])
+
+    def collision_vector(self, name: str, element: str, attribute: str) -> tuple[float, float, float]:
+        """Return a vector of the collision shape of that name, such as its origin's ``xyz`` [m]."""
+        text = self.find(f".//collision[@name='{name}']/{element}").attrib[attribute]
+        x, y, z = (float(value) for value in text.split())
+        return x, y, z
 
 
 def default_joint_array(spec: RobotSpec) -> np.ndarray:

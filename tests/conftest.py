@@ -43,7 +43,7 @@ def solver() -> InverseKinematics:
 @pytest.fixture(scope="session")
 def clip(solver: InverseKinematics) -> MotionClip:
     """The bundled dog trot on the robot."""
-    return retarget(motion_named("dog_trot"), None, solver, RetargetConfig())
+    return retarget(motion_named("dog_trot"), None, solver, RetargetConfig()).clip
 
 
 @pytest.fixture(scope="session")

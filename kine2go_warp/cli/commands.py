@@ -1,34 +1,18 @@
 """The commands: what each one takes, and what it does."""
 
-import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
 import tyro
 
-from kine2go_warp.errors import CatalogueError
+from kine2go_warp.cli.data import data_folder
 from kine2go_warp.learning.config import TrainConfig
-from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.rollouts.config import GatherConfig
-
-DATA_VARIABLE = "KINE2GO_DATA"
 
 Positional = tyro.conf.Positional
 
 Config = TypeVar("Config", TrainConfig, GatherConfig)
-
-
-def data_folder(given: Path | None) -> Path | None:
-    """Return the folder of the source clips: the one given, or that of the environment variable.
-
-    Raises:
-        CatalogueError: it does not exist.
-    """
-    folder = given or (Path(os.environ[DATA_VARIABLE]) if os.environ.get(DATA_VARIABLE) else None)
-    if folder is not None and not folder.is_dir():
-        raise CatalogueError(f"{folder}: no such folder of source clips")
-    return folder
 
 
 def limit_threads() -> None:
@@ -36,37 +20,6 @@ def limit_threads() -> None:
     import torch
 
     torch.set_num_threads(1)
-
-
-@dataclass(frozen=True)
-class Retarget:
-    """Retarget motions of the catalogue to the Go2 and save them as clips."""
-
-    motions: Positional[tuple[str, ...]]
-    """Names of catalogue entries, such as dog_trot."""
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    out: Path = Path("runs/clips")
-    """Folder for the clips."""
-    config: RetargetConfig = field(default_factory=RetargetConfig)
-
-    def run(self) -> int:
-        """Retarget, save and print a table."""
-        from kine2go_warp.cli.tables import print_clips
-        from kine2go_warp.motions.catalogue import motion_named
-        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-        from kine2go_warp.motions.retarget import retarget
-        from kine2go_warp.robots import GO2
-
-        if not self.motions:
-            raise CatalogueError("name at least one motion; 'kine2go doctor' lists them")
-        folder = data_folder(self.data)
-        solver = InverseKinematics(GO2)
-        clips = [retarget(motion_named(name), folder, solver, self.config) for name in self.motions]
-        for clip in clips:
-            clip.save(self.out / f"{clip.name}.npz")
-        print_clips(clips, self.out)
-        return 0
 
 
 @dataclass(frozen=True)
@@ -212,9 +165,10 @@ class Doctor:
     def run(self) -> int:
         """Print what is found."""
         from kine2go_warp.cli.tables import print_machine, print_motions
+        from kine2go_warp.motions.catalogue import load_catalogue
 
         print_machine()
-        print_motions(data_folder(self.data))
+        print_motions(list(load_catalogue().values()), data_folder(self.data))
         return 0
 
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from kine2go_warp.cli.commands import Demo, Doctor, Gather, Retarget, Run, Train
+from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
+from kine2go_warp.cli.motion_commands import Bench, Cycles, Retarget, Sources
 from kine2go_warp.errors import Kine2GoError
 
 Command = (
@@ -16,6 +17,9 @@ Command = (
     | Annotated[Gather, tyro.conf.subcommand("gather")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[Sources, tyro.conf.subcommand("sources")]
+    | Annotated[Cycles, tyro.conf.subcommand("cycles")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 

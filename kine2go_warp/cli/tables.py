@@ -10,11 +10,14 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from kine2go_warp.motions.catalogue import load_catalogue
-from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.cycle_search import CycleCandidate
+from kine2go_warp.motions.targets import PoseTargets
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.summary import MotionSummary
+    from kine2go_warp.motions.fetch import FileState
+    from kine2go_warp.motions.quality import ClipQuality
 
 PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "placo", "zarr", "rerun-sdk")
 
@@ -49,22 +52,51 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
                 output.print(f"look at it: rerun {path}", highlight=False, soft_wrap=True)
 
 
-def print_clips(clips: Sequence[MotionClip], folder: Path) -> None:
-    """Print what was retargeted."""
+def print_clips(qualities: Sequence["ClipQuality"], faults: dict[str, list[str]], folder: Path) -> None:
+    """Print the figures of retargeted clips."""
     table = Table(title=str(folder), title_justify="left")
-    for heading in ("clip", "frames", "period", "speed", "turn a cycle", "IK residual", "joint speed"):
-        table.add_column(heading, justify="left" if heading == "clip" else "right")
-    for clip in clips:
-        speed = float(np.linalg.norm(clip.root_linear_velocity[:, :2], axis=1).mean())
+    headings = ("clip", "frames", "period", "speed", "residual", "below floor", "slip", "limits", "seam", "remarks")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in ("clip", "remarks") else "right")
+    for row in qualities:
+        slowed = [f"slowed by {row.slow_down:.2f} for the motors"] if row.slow_down > 1.0 else []
         table.add_row(
-            clip.name,
-            str(clip.num_frames),
-            f"{clip.period:.2f} s",
-            f"{speed:.2f} m/s",
-            f"{clip.cycle.yaw:.2f} rad",
-            f"{1e3 * clip.residual.max():.2f} mm",
-            f"{np.abs(clip.joint_velocity).max():.1f} rad/s",
+            row.name,
+            f"{row.start}-{row.end}",
+            f"{row.period:.2f} s",
+            f"{row.speed:.2f} m/s",
+            f"{1e3 * row.residual:.2f} mm",
+            f"{1e3 * row.penetration:.1f} mm",
+            f"{row.stance_slip:.3f} m/s",
+            f"{row.joint_margin:.2f} rad",
+            f"{row.seam_jump:.2f}",
+            "; ".join(faults[row.name] + slowed),
         )
+    console().print(table)
+
+
+def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTargets, file: Path) -> None:
+    """Print the best ranges of a motion."""
+    table = Table(title=f"{file}: best cycles", title_justify="left")
+    for heading in ("start", "end", "frames", "duration", "way", "seam score"):
+        table.add_column(heading, justify="right")
+    for one in found:
+        way = np.linalg.norm(targets.root_position[one.end, :2] - targets.root_position[one.start, :2])
+        frames = one.end - one.start
+        table.add_row(
+            str(one.start), str(one.end), str(frames), f"{frames / rate:.2f} s", f"{way:.2f} m", f"{one.score:.2f}"
+        )
+    console().print(table)
+
+
+def print_bench(figures: dict[str, dict[str, float]]) -> None:
+    """Print how fast retargeting is."""
+    table = Table(title="retargeting, one core, reading included", title_justify="left")
+    for heading in ("mode", "motions", "frames", "frames/s (median)", "slowest", "fastest"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for mode, row in figures.items():
+        rates = (f"{row[name]:,.0f}" for name in ("frames_per_second", "slowest", "fastest"))
+        table.add_row(mode, f"{row['motions']:.0f}", f"{row['frames']:,.0f}", *rates)
     console().print(table)
 
 
@@ -88,16 +120,30 @@ def print_machine() -> None:
     console().print(table)
 
 
-def print_motions(data_folder: Path | None) -> None:
-    """Print the catalogue and which of its files are there."""
+def print_motions(entries: Sequence[CatalogueEntry], data_folder: Path | None) -> None:
+    """Print motions and which of their files are there."""
     table = Table(title="motions", title_justify="left")
-    for heading in ("name", "file", "frames", "licence", "there"):
+    for heading in ("name", "file", "frames", "rows", "sample", "licence", "there"):
         table.add_column(heading)
-    for entry in load_catalogue().values():
-        there = entry.is_there(data_folder)
+    for entry in entries:
         frames = f"{entry.frames.start} to {'last' if entry.frames.end == -1 else entry.frames.end}"
-        table.add_row(entry.name, entry.file, frames, entry.licence, "yes" if there else "no")
+        there = "yes" if entry.is_there(data_folder) else "no"
+        sample = "yes" if entry.sample else ""
+        table.add_row(entry.name, entry.file, frames, str(entry.length), sample, entry.licence, there)
     output = console()
     output.print(table)
+    for entry in entries:
+        if entry.description:
+            output.print(f"{entry.name}: {entry.description}", highlight=False, soft_wrap=True)
     if data_folder is None:
         output.print("No folder of source clips: name it with --data or in KINE2GO_DATA.")
+
+
+def print_file_states(entries: Sequence[CatalogueEntry], states: Sequence["FileState"]) -> None:
+    """Print whether each motion's file can be used."""
+    table = Table(title="source files", title_justify="left")
+    for heading in ("name", "file", "state"):
+        table.add_column(heading)
+    for entry, state in zip(entries, states, strict=True):
+        table.add_row(entry.name, state.file, state.state)
+    console().print(table)

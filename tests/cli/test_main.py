@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from kine2go_warp.cli.commands import DATA_VARIABLE
+from kine2go_warp.cli.data import DATA_VARIABLE
 from kine2go_warp.cli.main import explain, main
 
 KINE2GO = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]

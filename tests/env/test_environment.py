@@ -26,6 +26,7 @@ def standing_clip(clip):
         np.tile([0.0, 0.0, GO2.default_root_height], (frames, 1)),
         np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
         np.tile(GO2.default_joint_position, (frames, 1)),
+        np.ones((frames, 4)),
         np.zeros(frames),
         CycleStep(0.0, 0.0, 0.0),
         clip.origin,

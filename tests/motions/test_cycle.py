@@ -44,7 +44,7 @@ def test_a_cycle_without_a_seam_is_left_as_it_is():
     poses = recentred(walk_on_a_circle(40))
     closed, cycle = close_cycle(poses, 8)
     np.testing.assert_allclose(closed.root_position, poses.root_position[:-1], atol=1e-9)
-    np.testing.assert_allclose(closed.joint_position, poses.joint_position[:-1], atol=1e-9)
+    np.testing.assert_allclose(closed.channels, poses.channels[:-1], atol=1e-9)
     np.testing.assert_allclose([cycle.x, cycle.y], poses.root_position[-1, :2])
     assert cycle.yaw == pytest.approx(0.8)
 
@@ -52,8 +52,8 @@ def test_a_cycle_without_a_seam_is_left_as_it_is():
 def test_a_seam_is_closed_to_the_size_of_a_normal_step():
     poses = walk_on_a_circle(40, seam=0.2)
     closed, cycle = close_cycle(recentred(poses), 8)
-    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.joint_position, cycle, 0, 40)
-    steps = np.abs(np.diff(longer.joint_position, axis=0)).max(axis=1)
+    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.channels, cycle, 0, 40)
+    steps = np.abs(np.diff(longer.channels, axis=0)).max(axis=1)
     assert steps[39] < 1.5 * np.median(steps), "the step across the seam"
     rises = np.abs(np.diff(longer.root_position[:, 2]))
     assert rises[39] < 0.05
@@ -64,7 +64,7 @@ def test_a_seam_is_closed_to_the_size_of_a_normal_step():
 def test_the_root_does_not_pause_at_the_seam():
     poses = recentred(walk_on_a_circle(40))
     closed, cycle = close_cycle(poses, 8)
-    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.joint_position, cycle, 0, 41)
+    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.channels, cycle, 0, 41)
     steps = np.linalg.norm(np.diff(longer.root_position[:, :2], axis=0), axis=1)
     np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
 
@@ -75,7 +75,7 @@ def test_recentring_starts_at_the_origin_with_heading_zero():
     moved = PoseSequence(
         turned.apply(poses.root_position) + np.array([5.0, 1.0, 0.0]),
         from_rotation(turned * to_rotation(poses.root_orientation)),
-        poses.joint_position,
+        poses.channels,
     )
     back = recentred(moved)
     np.testing.assert_allclose(back.root_position, recentred(poses).root_position, atol=1e-9)
@@ -85,7 +85,7 @@ def test_recentring_starts_at_the_origin_with_heading_zero():
 
 def test_an_extrapolated_frame_goes_on_at_the_last_velocity():
     poses = walk_on_a_circle(40)
-    shorter = PoseSequence(poses.root_position[:-1], poses.root_orientation[:-1], poses.joint_position[:-1])
+    shorter = PoseSequence(poses.root_position[:-1], poses.root_orientation[:-1], poses.channels[:-1])
     longer = with_extrapolated_frame(shorter)
     np.testing.assert_allclose(longer.root_position[-1], poses.root_position[-1], atol=2e-3)
     assert (to_rotation(longer.root_orientation) * to_rotation(poses.root_orientation).inv()).magnitude().max() < 2e-3

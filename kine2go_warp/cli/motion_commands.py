@@ -1,0 +1,238 @@
+"""The commands that prepare motions: sources, cycles, retarget, bench."""
+
+import json
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from kine2go_warp.cli.data import data_folder
+from kine2go_warp.errors import CatalogueError, Kine2GoError
+from kine2go_warp.motions.config import RetargetConfig
+
+if TYPE_CHECKING:
+    from kine2go_warp.motions.catalogue import CatalogueEntry
+
+Positional = tyro.conf.Positional
+
+
+def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]":
+    """Return the catalogue entries that are named, or all of them.
+
+    Raises:
+        CatalogueError: none is named, or one is not in the catalogue.
+    """
+    from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+
+    if every:
+        return list(load_catalogue().values())
+    if not names:
+        raise CatalogueError("name at least one motion, or --all; 'kine2go sources list' shows them")
+    return [motion_named(name) for name in names]
+
+
+@dataclass(frozen=True)
+class Retarget:
+    """Retarget motions of the catalogue to the Go2, save them as clips and report on their quality."""
+
+    motions: Positional[tuple[str, ...]]
+    """Names of catalogue entries, such as dog_trot."""
+    all: bool = False
+    """Every motion of the catalogue whose file is there."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    out: Path = Path("runs/clips")
+    """Folder for the clips and their report.json."""
+    sheets: bool = False
+    """Draw a picture of each clip beside it."""
+    markdown: Path | None = None
+    """Write the table of figures to this file, too."""
+    config: RetargetConfig = field(default_factory=RetargetConfig)
+
+    def run(self) -> int:
+        """Retarget, save and print a table."""
+        from rich.progress import track
+
+        from kine2go_warp.cli.tables import console, print_clips
+        from kine2go_warp.files import atomic_file
+        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.quality import assess, clip_faults
+        from kine2go_warp.motions.report import draw_sheet, markdown_table, write_json
+        from kine2go_warp.motions.retarget import retarget
+        from kine2go_warp.robots import GO2
+
+        folder = data_folder(self.data)
+        entries = chosen_entries(self.motions, self.all)
+        missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
+        solver = InverseKinematics(GO2)
+        present = [entry for entry in entries if entry not in missing]
+        output = console()
+        results = [
+            retarget(entry, folder, solver, self.config)
+            for entry in track(present, "retargeting", console=output, transient=True, disable=not output.is_terminal)
+        ]
+        qualities = [assess(result, GO2) for result in results]
+        faults = {result.clip.name: clip_faults(quality) for result, quality in zip(results, qualities, strict=True)}
+        for result in results:
+            result.clip.save(self.out / f"{result.clip.name}.npz")
+            if self.sheets:
+                draw_sheet(result.clip, GO2, self.out / f"{result.clip.name}.png")
+        write_json(qualities, faults, self.out / "report.json")
+        if self.markdown is not None:
+            with atomic_file(self.markdown) as temporary:
+                temporary.write_text(markdown_table(qualities, faults))
+        print_clips(qualities, faults, self.out)
+        if missing:
+            files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
+            output.print(f"not there: {', '.join(files)}", highlight=False, soft_wrap=True)
+        return 0
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Find where a motion file repeats itself: the best ranges for a cycle."""
+
+    file: Positional[Path]
+    """A motion file (for Solo8: file.pt:K)."""
+    source: Literal["ai4animation", "vhdc", "solo8"] = "ai4animation"
+    """Which reader the file needs."""
+    shortest: float = 0.35
+    """Shortest cycle [s]."""
+    longest: float = 3.0
+    """Longest cycle [s]."""
+    travel: float = 0.1
+    """Least way that the robot must go in a cycle [m], to leave out standing still."""
+    count: int = 10
+    """How many to list."""
+
+    def run(self) -> int:
+        """Search and print a table."""
+        from kine2go_warp.cli.tables import print_cycles
+        from kine2go_warp.motions.cycle_search import find_cycles
+        from kine2go_warp.motions.sources import source_named
+        from kine2go_warp.motions.targets import pose_targets
+        from kine2go_warp.robots import GO2
+
+        if not 0.0 < self.shortest <= self.longest or self.count < 1:
+            raise Kine2GoError("choose 0 < shortest <= longest and a count of at least 1")
+        source = source_named(self.source)
+        motion = source.read(self.file)
+        targets = pose_targets(motion, source, GO2)
+        frames = round(self.shortest * motion.rate), round(self.longest * motion.rate)
+        found = find_cycles(targets, max(frames[0], 3), frames[1], self.count, self.travel)
+        if not found:
+            raise Kine2GoError(f"{self.file}: no range of {self.shortest} to {self.longest} s repeats itself")
+        print_cycles(found, motion.rate, targets, self.file)
+        return 0
+
+
+@dataclass(frozen=True)
+class Sources:
+    """List the catalogue's motions, check their files, or fetch them."""
+
+    action: Positional[Literal["list", "check", "fetch"]]
+    """list: what there is. check: whether each file is there and whole. fetch: download what is missing."""
+    motions: Positional[tuple[str, ...]] = ()
+    """Names of catalogue entries; by default all."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    url: str | None = None
+    """Address below which the files lie as in the data folder; needed to fetch."""
+    yes: bool = False
+    """Agree to the licences without being asked."""
+
+    def run(self) -> int:
+        """List, check or fetch."""
+        from kine2go_warp.cli.tables import print_file_states, print_motions
+
+        entries = chosen_entries(self.motions, not self.motions)
+        if self.action == "list":
+            print_motions(entries, data_folder(self.data))
+            return 0
+        if self.action == "fetch":
+            self._fetch(entries)
+        from kine2go_warp.motions.fetch import check_file
+
+        folder = data_folder(self.data)
+        states = [check_file(entry, folder) for entry in entries]
+        print_file_states(entries, states)
+        return 2 if any(state.state in ("missing", "damaged") for state in states) else 0
+
+    def _fetch(self, entries: "list[CatalogueEntry]") -> None:
+        """Print the licences, ask, and download what is missing."""
+        from rich.progress import DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+        from kine2go_warp.cli.tables import console
+        from kine2go_warp.motions.fetch import check_file, fetch_file
+
+        if self.url is None or self.data is None:
+            raise CatalogueError("fetch needs --url (where the files are) and --data (the folder to put them in)")
+        wanted = {}
+        for entry in entries:
+            if check_file(entry, self.data).state in ("missing", "damaged"):
+                wanted.setdefault(entry.motion_source.data_file(Path(entry.file)), entry)
+        output = console()
+        for licence, citation in sorted({(entry.licence, entry.citation) for entry in wanted.values()}):
+            output.print(f"{licence}: {citation}", highlight=False, soft_wrap=True)
+        if wanted and not self.yes and input("Do you accept these licences? [y/N] ").strip().lower() != "y":
+            raise CatalogueError("nothing fetched, since the licences were not accepted")
+        columns = (TextColumn("{task.description}"), DownloadColumn(), TransferSpeedColumn())
+        with Progress(*columns, console=output, disable=not output.is_terminal) as progress:
+            for file, entry in wanted.items():
+                task = progress.add_task(str(file), total=None)
+                fetch_file(
+                    entry,
+                    self.url,
+                    self.data,
+                    lambda done, total, task=task: progress.update(task, completed=done, total=total or None),
+                )
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure how fast a stage is on this machine."""
+
+    stage: Positional[Literal["retarget"]]
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
+    alone is measured."""
+    repeats: int = 3
+    """How often everything is measured."""
+    json: bool = False
+    """Print JSON instead of a table."""
+
+    def run(self) -> int:
+        """Measure on one core and print median and spread."""
+        import statistics
+
+        from kine2go_warp.cli.tables import console, print_bench
+        from kine2go_warp.motions.catalogue import load_catalogue
+        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.retarget import retarget
+        from kine2go_warp.robots import GO2
+
+        folder = data_folder(self.data)
+        entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
+        figures = {}
+        for mode in ("plain", "contact"):
+            solver, config = InverseKinematics(GO2), RetargetConfig(mode=mode)
+            retarget(entries[0], folder, solver, config)
+            rates = []
+            for _ in range(max(self.repeats, 1)):
+                start = time.perf_counter()
+                frames = sum(retarget(entry, folder, solver, config).clip.num_frames for entry in entries)
+                rates.append(frames / (time.perf_counter() - start))
+            figures[mode] = {
+                "motions": len(entries),
+                "frames": frames,
+                "frames_per_second": statistics.median(rates),
+                "slowest": min(rates),
+                "fastest": max(rates),
+            }
+        if self.json:
+            console().print_json(json.dumps(figures))
+        else:
+            print_bench(figures)
+        return 0

@@ -1,0 +1,99 @@
+"""Finding where a motion repeats itself, so that nobody has to watch videos for it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.motions.rotations import heading, to_rotation, turn_planar
+from kine2go_warp.motions.targets import PoseTargets
+
+Array = NDArray[np.float64]
+
+APART = 6
+"""Two candidates whose ends both differ by fewer frames than this are one."""
+
+
+@dataclass(frozen=True)
+class CycleCandidate:
+    """A range of frames that begins and ends in nearly the same state."""
+
+    start: int
+    end: int
+    """Exclusive: the frame that is like frame ``start``."""
+    score: float
+    """Distance between the two states, in standard deviations of the motion; 0 is a perfect seam."""
+
+
+def pose_features(targets: PoseTargets) -> Array:
+    """Return what must agree across a seam: height, tilt and feet as seen from the root, and how they change.
+
+    Each is divided by its own standard deviation. Shape [num_frames, num_features].
+    """
+    yaw = heading(targets.root_orientation)
+    feet = turn_planar(targets.foot_position - targets.root_position[:, None], -yaw[:, None])
+    tilt = to_rotation(targets.root_orientation).as_matrix()[:, 2]
+    velocity = turn_planar(np.gradient(targets.root_position, axis=0), -yaw)
+    pose = np.hstack([targets.root_position[:, 2:], tilt, feet.reshape(len(feet), -1)])
+    change = np.hstack([np.gradient(feet.reshape(len(feet), -1), axis=0), velocity])
+    features = np.hstack([pose, change])
+    return features / np.maximum(features.std(axis=0), 1e-3)
+
+
+def seam_scores(features: Array, starts: Array, ends: Array) -> Array:
+    """Return the distance between each start and each end, shape [num_starts, num_ends]."""
+    a, b = features[starts], features[ends]
+    squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
+    return np.sqrt(np.maximum(squares, 0.0) / features.shape[1])
+
+
+def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -> tuple[int, int]:
+    """Return the best start and end within some frames of the ones given.
+
+    Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
+    """
+    last = len(targets.time) - 1
+    # A short cycle must not lose its stride to the search.
+    reach = max(min(search_frames, (end - start) // 6), 0)
+    starts = np.arange(max(start - reach, 0), start + reach + 1)
+    ends = np.arange(end - reach, min(end + reach, last) + 1)
+    if len(ends) == 0 or reach == 0:
+        return start, end
+    scores = seam_scores(pose_features(targets), starts, ends)
+    best = np.unravel_index(int(np.argmin(scores)), scores.shape)
+    return int(starts[best[0]]), int(ends[best[1]])
+
+
+def find_cycles(
+    targets: PoseTargets, min_frames: int, max_frames: int, count: int, travel: float = 0.0
+) -> list[CycleCandidate]:
+    """Return the best ranges of a whole motion, best first.
+
+    Args:
+        targets: The motion.
+        min_frames: Shortest range.
+        max_frames: Longest range.
+        count: How many to return.
+        travel: Least way that the base must go in a range [m], to leave out standing still.
+    """
+    features = pose_features(targets)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(targets.root_position[:, :2], axis=0), axis=1))])
+    frames = np.arange(len(features))
+    found: list[CycleCandidate] = []
+    for start in frames:
+        ends = frames[start + min_frames : start + max_frames + 1]
+        ends = ends[way[ends] - way[start] >= travel]
+        if len(ends) == 0:
+            continue
+        scores = seam_scores(features, frames[start : start + 1], ends)[0]
+        # Only local minima: the neighbours of a good end are nearly as good and tell nothing new.
+        padded = np.pad(scores, 1, constant_values=np.inf)
+        minima = np.flatnonzero((scores <= padded[:-2]) & (scores <= padded[2:]))
+        found += [CycleCandidate(int(start), int(ends[index]), float(scores[index])) for index in minima]
+    chosen: list[CycleCandidate] = []
+    for candidate in sorted(found, key=lambda one: one.score):
+        if all(abs(candidate.start - c.start) >= APART or abs(candidate.end - c.end) >= APART for c in chosen):
+            chosen.append(candidate)
+        if len(chosen) == count:
+            break
+    return chosen

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from kine2go_warp.motions.cycle_search import best_cycle, find_cycles, pose_features, seam_scores
+from kine2go_warp.motions.generator import DogGait
+from kine2go_warp.motions.sources import AI4Animation
+from kine2go_warp.motions.targets import pose_targets
+from kine2go_warp.robots import GO2
+from tests.motions.test_targets import keypoints
+
+
+@pytest.fixture(scope="module")
+def targets():
+    motion, _ = keypoints(DogGait(stride_frames=32, turn_rate=0.3), 200)
+    return pose_targets(motion, AI4Animation(), GO2)
+
+
+def test_whole_strides_are_found_in_a_motion_that_nobody_has_cut(targets):
+    found = find_cycles(targets, 20, 100, 8)
+    assert all((one.end - one.start) % 32 == 0 for one in found), [(one.start, one.end) for one in found]
+    assert all(one.score < 0.05 for one in found)
+    assert [one.score for one in found] == sorted(one.score for one in found)
+
+
+def test_ends_given_by_eye_are_mended(targets):
+    start, end = best_cycle(targets, 40, 100, 6)
+    assert (end - start) % 32 == 0
+    assert abs(start - 40) <= 6
+    assert abs(end - 100) <= 6
+
+
+def test_scores_are_distances(targets):
+    features = pose_features(targets)
+    starts, ends = np.array([3, 10]), np.array([35, 50, 120])
+    expected = [[np.sqrt(np.mean((features[a] - features[b]) ** 2)) for b in ends] for a in starts]
+    np.testing.assert_allclose(seam_scores(features, starts, ends), expected, atol=1e-6)
+
+
+def test_standing_still_is_left_out_when_a_way_is_asked_for(targets):
+    assert find_cycles(targets, 20, 100, 5, travel=100.0) == []
+
+
+def test_a_range_to_the_last_frame_stays_within_the_file(targets):
+    _, end = best_cycle(targets, 100, 200, 6)
+    assert end <= 199

@@ -1,0 +1,186 @@
+"""Contact-aware retargeting on gaits whose truth is known, and under changes that must not matter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from kine2go_warp.motions.catalogue import CatalogueEntry, load_catalogue, motion_named
+from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.cycle import extend_cyclically
+from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, write_ai4animation
+from kine2go_warp.motions.keypoints import FrameRange
+from kine2go_warp.motions.quality import assess, clip_faults
+from kine2go_warp.motions.retarget import retarget
+from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.robots import GO2
+from kine2go_warp.robots.kinematics import foot_positions
+from tests.motions.test_solo8 import trot as solo_trot
+
+KEEP_RANGE = RetargetConfig(search_frames=0)
+
+
+def entry_of(file, start=60, end=120, source="ai4animation"):
+    return CatalogueEntry("made_up", "tests", source, file, FrameRange(start, end), 571, False, False, "CC0", "us")
+
+
+def make(points, folder, solver, config=KEEP_RANGE, **options):
+    write_ai4animation(points, folder / "dog.txt")
+    return retarget(entry_of("dog.txt", **options), folder, solver, config)
+
+
+@pytest.mark.parametrize("phases", [TROT, PACE, WALK])
+@pytest.mark.parametrize("turn_rate", [0.0, 0.5])
+def test_generated_gaits_become_clean_clips(solver, tmp_path, phases, turn_rate):
+    gait = DogGait(phases=phases, turn_rate=turn_rate, duty=0.6)
+    generated = generate(gait, 181)
+    result = make(generated.points, tmp_path, solver)
+    quality = assess(result, GO2)
+    assert clip_faults(quality) == []
+    assert quality.penetration < 5e-4
+    assert quality.stance_slip < 0.01
+    truth = generated.contact[60:120]
+    assert np.mean((result.clip.stance > 0.5) == truth) > 0.85
+    assert quality.speed == pytest.approx(0.825 * gait.speed, rel=0.02)
+
+
+def test_sliding_and_sinking_feet_are_repaired(solver, tmp_path):
+    """The faults of real captures: standing toes drift back at 0.3 m/s and the floor is not level for them."""
+    generated = generate(DogGait(duty=0.6), 181)
+    points = generated.points.copy()
+    for leg, column in enumerate((10, 15, 19, 23)):
+        since = np.zeros(181)
+        for frame in range(1, 181):
+            since[frame] = since[frame - 1] + 1.0 if generated.contact[frame, leg] else 0.0
+        points[:, column, 0] += 0.3 * since / 60.0
+        points[:, column, 2] += -0.01 + 0.005 * leg
+    clean, plain = (
+        assess(make(points, tmp_path, solver, RetargetConfig(mode=mode, search_frames=0)), GO2)
+        for mode in ("contact", "plain")
+    )
+    assert plain.stance_slip > 0.1
+    assert clean.stance_slip < 0.01
+    assert clean.penetration < 5e-4
+
+
+def test_a_crouching_animal_keeps_belly_and_knees_above_the_floor(solver, tmp_path):
+    quality = assess(make(generate(DogGait(body_height=0.16, duty=0.6), 181).points, tmp_path, solver), GO2)
+    assert quality.penetration < 2e-3
+    assert quality.joint_margin > -1e-6
+    plain = make(
+        generate(DogGait(body_height=0.16, duty=0.6), 181).points, tmp_path, solver, RetargetConfig(mode="plain")
+    )
+    assert assess(plain, GO2).penetration > 0.005, "the frame-wise rule does not"
+
+
+def test_a_tall_animal_does_not_lock_the_knees(solver, tmp_path):
+    quality = assess(make(generate(DogGait(body_height=0.62, duty=0.6), 181).points, tmp_path, solver), GO2)
+    assert quality.joint_margin > 0.03
+    assert quality.residual < 2e-3
+
+
+def test_a_motion_too_fast_for_the_motors_is_slowed_by_the_smallest_factor(solver, tmp_path):
+    gait = DogGait(stride_frames=10, speed=2.2, step_height=0.14)
+    result = make(generate(gait, 91).points, tmp_path, solver, start=30, end=60)
+    assert result.clip.slow_down > 1.05
+    assert assess(result, GO2).speed_share == pytest.approx(1.0, abs=1e-9)
+    assert result.clip.period == pytest.approx(30 / 60 * result.clip.slow_down)
+
+
+@pytest.mark.parametrize("yaw", [0.5, 2.5, -1.2])
+def test_turning_and_moving_the_source_changes_nothing(solver, tmp_path, yaw):
+    """A clip begins at the origin with heading 0, so that nothing at all may change."""
+    points = generate(DogGait(turn_rate=0.4), 181).points
+    turned = Rotation.from_rotvec([0.0, 0.0, yaw]).apply(points.reshape(-1, 3)).reshape(points.shape)
+    here = make(points, tmp_path, solver).clip
+    there = make(turned + np.array([7.0, -3.0, 0.0]), tmp_path, solver).clip
+    np.testing.assert_allclose(there.root_position, here.root_position, atol=1e-4)
+    np.testing.assert_allclose(there.joint_position, here.joint_position, atol=2e-3)
+    assert there.cycle.yaw == pytest.approx(here.cycle.yaw, abs=1e-4)
+
+
+def test_reading_at_60_and_at_50_hz_gives_the_same_path_in_time(solver, tmp_path):
+    clips = []
+    for rate in (60.0, 50.0):
+        gait = DogGait(rate=rate, stride_frames=round(0.6 * rate), turn_rate=0.3)
+        position = generate(gait, round(3.6 * rate) + 1).points
+        write_ai4animation(position, tmp_path / "dog.txt")
+        entry = entry_of("dog.txt", round(1.2 * rate), round(2.4 * rate))
+        source = type(entry.motion_source)
+        source.rate, kept = rate, source.rate
+        try:
+            clips.append(retarget(entry, tmp_path, solver, KEEP_RANGE).clip)
+        finally:
+            source.rate = kept
+    assert clips[0].period == pytest.approx(clips[1].period)
+    back = clips[1].resampled(60.0, GO2)
+    np.testing.assert_allclose(back.root_position, clips[0].root_position, atol=4e-3)
+    assert np.median(np.abs(back.joint_position - clips[0].joint_position)) < 0.02
+
+
+def test_a_known_gait_of_solo8_comes_back(solver, tmp_path):
+    """Foot paths within 2 mm after scaling, the right speed, and knees that bend as the Go2's do."""
+    torch.save(torch.tensor(solo_trot()[None], dtype=torch.float64), tmp_path / "solo8.pt")
+    entry = entry_of("solo8.pt:0", 25, 75, "solo8")
+    clip = retarget(entry, tmp_path, solver, RetargetConfig(mode="plain")).clip
+    source = entry.motion_source
+    motion = source.read(tmp_path / "solo8.pt:0")
+    toes = source.scale * (motion.points("toe") - motion.points("hip"))[25:75]
+    level = Rotation.from_rotvec([0.0, 0.0, -0.2])
+    expected = level.apply(toes.reshape(-1, 3)).reshape(toes.shape)
+    rotation = to_rotation(clip.root_orientation).as_matrix()
+    hips = np.einsum("tij,kj->tki", rotation, np.array([leg.hip_offset for leg in GO2.legs]))
+    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(GO2, clip.joint_position)) - hips
+    # Ends are blended into one another; heights are measured from the standing foot.
+    middle = slice(13, 37)
+    paths = [values[middle] - values[middle].mean(axis=0) for values in (feet[..., :2], expected[..., :2])]
+    np.testing.assert_allclose(paths[0], paths[1], atol=2e-3)
+    speed = np.linalg.norm([clip.cycle.x, clip.cycle.y]) / clip.period
+    assert speed == pytest.approx(1.33 * 0.5, rel=1e-3)
+    assert np.all(clip.joint_position[:, 2::3] < -0.8), "all knees bend backwards"
+
+
+def test_the_cycle_goes_on_without_a_jump(clip):
+    longer = extend_cyclically(clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, 0, 30)
+    steps = np.abs(np.diff(longer.channels, axis=0)).max(axis=1)
+    assert steps[clip.num_frames - 1] <= 1.2 * steps.max()
+    np.testing.assert_allclose(longer.channels[30:], longer.channels[:30])
+
+
+REAL = [name for name in load_catalogue() if name.startswith(("ai4", "vhdc"))]
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_every_real_motion_becomes_a_clean_clip(name, data_folder, solver):
+    quality = assess(retarget(motion_named(name), data_folder, solver, RetargetConfig()), GO2)
+    assert clip_faults(quality) == []
+    assert quality.penetration <= 0.002
+    assert quality.stance_slip <= 0.05
+    assert abs(quality.path_error) <= 0.05
+    assert quality.joint_margin >= 0.0
+    assert quality.speed_share <= 1.0 + 1e-9
+
+
+def test_faults_are_named():
+    good = assess_example()
+    assert clip_faults(good) == []
+    bad = replace(
+        good,
+        penetration=0.01,
+        stance_slip=0.3,
+        seam_jump=3.0,
+        seam_step=4.0,
+        path_error=-0.2,
+        joint_margin=-0.1,
+        speed_share=1.4,
+        residual=0.05,
+    )
+    assert len(clip_faults(bad)) == 7
+
+
+def assess_example():
+    from kine2go_warp.motions.quality import ClipQuality
+
+    return ClipQuality("a", 30, 0.5, 1e-4, 0.0, 0.0, 0.05, 0.2, 0.5, 1.0, 1.0, 0.6, 0.0, 1.0, 0, 30)
