@@ -115,6 +115,6 @@ def load_tensor(file: Path) -> Array:
     shape = tuple(getattr(tensor, "shape", ()))
     if not torch.is_tensor(tensor) or len(shape) != 3 or shape[2] != NUM_COLUMNS or shape[1] < MINIMUM_FRAMES:
         raise ClipError(f"{file}: holds {type(tensor).__name__} of shape {shape}, not [trajectories, frames, 33]")
-    if not tensor.is_floating_point():
-        raise ClipError(f"{file}: holds numbers of type {tensor.dtype}, not real ones")
+    if not tensor.is_floating_point() or tensor.layout != torch.strided:
+        raise ClipError(f"{file}: holds a {tensor.layout} tensor of {tensor.dtype}, not a dense one of real numbers")
     return tensor.double().numpy()

@@ -1,6 +1,7 @@
 """The command line as a person meets it: help, one-line errors, exit statuses, nothing half-written."""
 
 import errno
+import json
 import os
 import resource
 import signal
@@ -28,7 +29,10 @@ def kine2go(*arguments, cwd, **options):
     )
 
 
-@pytest.mark.parametrize("command", ["", "retarget", "train", "gather", "run", "demo", "doctor"])
+COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "sources", "cycles", "bench", "doctor"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command, tmp_path):
     result = kine2go(*command.split(), "--help", cwd=tmp_path)
     assert result.returncode == 0
@@ -48,6 +52,10 @@ BAD_INPUT = {
     "missing recipe": ("run recipe.toml", "no such recipe"),
     "wrong recipe": ("run wrong.toml", "unknown key"),
     "recipe without data": ("run smoke", "--data"),
+    "cycles of nothing": ("cycles dog.txt", "no such motion file"),
+    "cycles of a wrong length": ("cycles dog.txt --shortest 2 --longest 1", "shortest <= longest"),
+    "fetch from nowhere": ("sources fetch", "needs --url"),
+    "sources of an unknown motion": ("sources check wolf", "unknown motion"),
     "no iterations": ("train clip.npz --iterations 0", "no such clip"),
 }
 
@@ -119,6 +127,62 @@ def test_a_disk_that_fills_up_during_gathering_keeps_the_dataset(policy, tmp_pat
 def test_errors_of_the_file_system_say_what_to_do():
     assert "no space left on the disk" in explain(OSError(errno.ENOSPC, "No space left on device", "runs/a"))
     assert explain(PermissionError(errno.EACCES, "Permission denied", "/root/x")).startswith("/root/x: no permission")
+
+
+def test_sources_are_listed_and_checked(tmp_path):
+    listed = kine2go("sources", "list", cwd=tmp_path)
+    assert listed.returncode == 0
+    assert "solo8_crawl_fast" in listed.stdout
+    assert "CC BY-SA 4.0" in listed.stdout
+    assert "its reference is the ellipse walk" in listed.stdout
+    checked = kine2go("sources", "check", "dog_trot", "ai4_dog_pace", cwd=tmp_path)
+    assert checked.returncode == 2
+    assert "whole" in checked.stdout
+    assert "missing" in checked.stdout
+    assert kine2go("sources", "check", "dog_trot", cwd=tmp_path).returncode == 0
+
+
+def test_fetching_shows_the_licence_and_asks_first(tmp_path):
+    (tmp_path / "data").mkdir()
+    command = ["sources", "fetch", "ai4_dog_pace", "--url", "http://127.0.0.1:1", "--data", "data"]
+    result = kine2go(*command, cwd=tmp_path, input="n\n")
+    assert result.returncode == 2
+    assert "CC BY-NC 4.0" in result.stdout
+    assert "not accepted" in result.stderr
+    agreed = kine2go(*command, "--yes", cwd=tmp_path)
+    assert agreed.returncode == 2
+    assert "cannot be fetched" in agreed.stderr
+
+
+def test_cycles_of_the_bundled_motion_are_whole_strides(tmp_path):
+    from kine2go_warp.motions.catalogue import motion_named
+
+    result = kine2go("cycles", motion_named("dog_trot").path(None), "--count", "3", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "0.50 s" in result.stdout
+
+
+def test_retargeting_leaves_clips_a_report_and_pictures(tmp_path):
+    result = kine2go("retarget", "--all", "--sheets", "--markdown", "table.md", "--out", "clips", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "not there: ai4_dog_canter" in result.stdout
+    assert sorted(path.name for path in (tmp_path / "clips").iterdir()) == [
+        "dog_trot.npz",
+        "dog_trot.png",
+        "report.json",
+    ]
+    report = json.loads((tmp_path / "clips" / "report.json").read_text())
+    assert report[0]["name"] == "dog_trot"
+    assert report[0]["faults"] == []
+    assert (tmp_path / "clips" / "dog_trot.png").read_bytes().startswith(b"\x89PNG")
+    assert "| `dog_trot` |" in (tmp_path / "table.md").read_text()
+
+
+def test_bench_measures_both_modes(tmp_path):
+    result = kine2go("bench", "retarget", "--repeats", "1", "--json", cwd=tmp_path)
+    figures = json.loads(result.stdout)
+    assert set(figures) == {"plain", "contact"}
+    assert figures["contact"]["frames_per_second"] > 0.0
 
 
 def test_doctor_lists_devices_and_motions(capsys):

@@ -97,7 +97,7 @@ class Trap:
         (torch.zeros(3, 4), "of shape"),
         (torch.zeros(1, 2, 33), "of shape"),
         ({"weights": torch.zeros(2, 10, 33)}, "holds dict"),
-        (torch.zeros(2, 10, 33, dtype=torch.int64), "not real"),
+        (torch.zeros(2, 10, 33, dtype=torch.int64), "of real numbers"),
         (torch.zeros(2, 10, 33), "unit quaternions"),
         (torch.full((2, 10, 33), float("nan")), "finite"),
     ],
