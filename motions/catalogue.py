@@ -27,6 +27,8 @@ class CatalogueEntry:
     file: str
     """Path within the data folder, or within the package if ``bundled``."""
     frames: FrameRange
+    rate: float
+    """Frames per second [Hz]."""
     length: int
     """Rows of each trajectory in the paper's dataset."""
     sample: bool
@@ -84,6 +86,7 @@ def load_catalogue() -> dict[str, CatalogueEntry]:
             source=collection["source"],
             file=collection["folder"] + motion["file"],
             frames=FrameRange(motion["start"], motion["end"]),
+            rate=motion.get("rate", collection["rate"]),
             length=motion["length"],
             sample=motion.get("sample", False),
             bundled=collection.get("bundled", False),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.body import fit_height, lowest_body_point, smooth_root, smooth_shift
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, MotionClip, assemble_clip
@@ -32,6 +33,8 @@ MARGIN_TIME = 1.0
 and filters see no ends [s]."""
 SOLVED_MARGIN = 0.25
 """How far beyond the cycle joints are solved for [s]."""
+RATE_TOLERANCE = 0.01
+"""How far a file's rate may be from the catalogue's, relatively."""
 FLOOR_PASSES = 3
 """How often the base is raised until no part of the body is below the floor."""
 
@@ -60,6 +63,8 @@ def retarget(
     source = entry.motion_source
     path = entry.path(data_folder)
     motion = source.read(path)
+    if abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
+        raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
     start, end = entry.frames.resolve(motion.num_frames, str(path))
     targets = pose_targets(motion, source, solver.spec)
     if config.mode == "contact" and config.search_frames > 0:

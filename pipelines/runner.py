@@ -119,7 +119,7 @@ class RecipeRunner:
             ),
         )
         self.observer.stage(entry.name, "gather")
-        writer = DatasetWriter(self.workspace.dataset, GO2, {})
+        writer = DatasetWriter(self.workspace.dataset, GO2)
         result = gather(
             PolicyFolder(self.workspace.policy(entry.name)),
             writer,

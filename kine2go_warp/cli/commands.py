@@ -88,7 +88,7 @@ class Gather:
             progress.stage(self.policy.name, "gather")
             result = gather(
                 policy,
-                DatasetWriter(self.out, GO2, {}),
+                DatasetWriter(self.out, GO2),
                 self.config,
                 self.device,
                 lambda done, total: progress.advanced(done, total, ""),

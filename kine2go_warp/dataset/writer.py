@@ -5,6 +5,7 @@ import os
 import shutil
 import warnings
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,22 @@ from kine2go_warp.dataset.schema import (
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file, flush_folder
+from kine2go_warp.revision import revision
 from kine2go_warp.robots import RobotSpec
+
+
+@dataclass(frozen=True)
+class SimulationAttributes:
+    """What is common to all motions of a dataset, kept in its root."""
+
+    control_frequency: float
+    """[Hz]"""
+    physics_substeps: int
+    """Physics steps in one control step."""
+    stiffness: float
+    """Of the motors [N m/rad]."""
+    damping: float
+    """Of the motors [N m s/rad]."""
 
 
 class DatasetWriter:
@@ -37,13 +53,12 @@ class DatasetWriter:
     kill.
     """
 
-    def __init__(self, path: Path, spec: RobotSpec, root_attributes: Mapping[str, Any]) -> None:
-        """Open a store, or create it.
+    def __init__(self, path: Path, spec: RobotSpec) -> None:
+        """Open a store, or prepare to create it with its first motion.
 
         Args:
             path: Folder of the store.
             spec: The robot.
-            root_attributes: What is common to all motions, added to the robot's own figures.
 
         Raises:
             DatasetError: something else lies at ``path``, or a dataset of another format version.
@@ -54,12 +69,11 @@ class DatasetWriter:
         if path.exists():
             check_version(path)
         self._discard_leftovers()
-        group = zarr.open_group(path, mode="a", zarr_format=3)
-        group.attrs.update({**robot_attributes(spec), **root_attributes})
-        self._write_index()
 
     def motions(self) -> list[str]:
         """Return the names of the motions in the store."""
+        if not self.path.exists():
+            return []
         return sorted(zarr.open_group(self.path, mode="r", use_consolidated=False).group_keys())
 
     def attributes(self, motion: str) -> dict[str, Any]:
@@ -69,22 +83,48 @@ class DatasetWriter:
         return dict(zarr.open_group(self.path / motion, mode="r").attrs)
 
     def write(
-        self, motion: str, trajectories: Trajectories, frame_duration: float, attributes: Mapping[str, Any]
+        self, motion: str, trajectories: Trajectories, simulation: SimulationAttributes, attributes: Mapping[str, Any]
     ) -> None:
-        """Add a motion, replacing an older one of that name."""
+        """Add a motion, replacing an older one of that name.
+
+        Args:
+            motion: Its name.
+            trajectories: Its data.
+            simulation: How it was simulated, which must be the same for all motions of a dataset.
+            attributes: Attributes of the motion.
+
+        Raises:
+            DatasetError: the dataset holds motions that were simulated otherwise.
+        """
+        self._check_simulation(motion, simulation)
         staging = self._staging(motion)
         shutil.rmtree(staging, ignore_errors=True)
+        frame_duration = 1.0 / simulation.control_frequency
         try:
             self._write_group(staging, trajectories.padded(), frame_duration, attributes)
             flush_folder(staging)
-            self._drop_index()
+            self._write_root(simulation)
             self._put_in_place(staging, self.path / motion)
             self._write_index()
         finally:
             shutil.rmtree(staging, ignore_errors=True)
 
-    def _drop_index(self) -> None:
-        """Take the index of all arrays out of the root's metadata, since it would not know of a change."""
+    def _check_simulation(self, motion: str, simulation: SimulationAttributes) -> None:
+        """Check that a motion was simulated like those that are there."""
+        if not set(self.motions()) - {motion}:
+            return
+        known = zarr.open_group(self.path, mode="r", use_consolidated=False).attrs
+        for name, value in asdict(simulation).items():
+            if known.get(name) != value:
+                raise DatasetError(
+                    f"{self.path}: holds motions with {name} {known.get(name)}, and {motion} has {value}; "
+                    "choose another dataset"
+                )
+
+    def _write_root(self, simulation: SimulationAttributes) -> None:
+        """Write the root's attributes, without the index of all arrays, which would not know of a change."""
+        group = zarr.open_group(self.path, mode="a", zarr_format=3, use_consolidated=False)
+        group.attrs.update({**robot_attributes(self.spec), **asdict(simulation)})
         metadata = json.loads((self.path / "zarr.json").read_text())
         metadata.pop("consolidated_metadata", None)
         with atomic_file(self.path / "zarr.json") as temporary:
@@ -188,6 +228,7 @@ def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
         "format": "kine2go",
         "format_version": FORMAT_VERSION,
         "software_version": __version__,
+        "software_revision": revision(),
         "conventions": FRAMES_NOTE,
         "robot": spec.name,
         "robot_model_sha256": spec.model_hash,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.quality import tracking_quality
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
-from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.device import choose_device
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
@@ -80,7 +80,9 @@ def gather(
         "training_seconds": record.seconds,
         "device": device,
     }
-    writer.write(clip.name, trajectories.selected(accepted), record.preset.env.control_duration, attributes)
+    env = record.preset.env
+    simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
+    writer.write(clip.name, trajectories.selected(accepted), simulation, attributes)
     return GatherResult(clip.name, int(accepted.sum()), rejected, is_new=True)
 
 

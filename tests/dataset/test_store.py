@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from kine2go_warp.dataset.reader import motion_names, read_motion
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
-from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
+
+SIMULATION = SimulationAttributes(60.0, 4, 60.0, 2.0)
 
 SIZES = {"axis": 3, "quaternion": 4, "joint": 12, "link": 16, "foot": 4, "term": 5}
 
@@ -41,9 +44,9 @@ def made_up(rng, count=3, rows=20):
 @pytest.fixture
 def store(tmp_path, rng):
     path = tmp_path / "dataset.zarr"
-    writer = DatasetWriter(path, GO2, {"note": "made up"})
+    writer = DatasetWriter(path, GO2)
     for motion in ("one", "two"):
-        writer.write(motion, made_up(rng), 1.0 / 60.0, {"rejected": {"distance": 2}, "licence": "CC0"})
+        writer.write(motion, made_up(rng), SIMULATION, {"rejected": {"distance": 2}, "licence": "CC0"})
     return path
 
 
@@ -68,6 +71,8 @@ def test_the_whole_tree_opens_at_once(store):
     assert set(tree.children) == {"one", "two"}
     assert tree.attrs["format"] == "kine2go"
     assert tree.attrs["action_scale"] == 0.25
+    assert tree.attrs["control_frequency"] == 60.0
+    assert tree.attrs["physics_substeps"] == 4
     assert tree.attrs["sdk_motor_order"][0] == "FR_hip_joint"
     for array in QUALITY_ARRAYS:
         assert tree["one/quality"][array.name].dims == array.dims
@@ -84,7 +89,7 @@ def test_a_consumer_needs_nothing_of_this_package(store):
 
 def test_what_is_written_comes_back_bit_for_bit_with_nan_beyond_each_length(tmp_path, rng):
     written = made_up(rng)
-    DatasetWriter(tmp_path / "dataset.zarr", GO2, {}).write("one", written, 1.0 / 60.0, {"rejected": {}})
+    DatasetWriter(tmp_path / "dataset.zarr", GO2).write("one", written, SIMULATION, {"rejected": {}})
     back = read_motion(tmp_path / "dataset.zarr", "one").trajectories
     for name, values in written.rows.items():
         np.testing.assert_array_equal(back.rows[name][[0, 2]], values[[0, 2]])
@@ -121,7 +126,7 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
 
     monkeypatch.setattr("kine2go_warp.dataset.writer.tracking_quality", fail)
     with pytest.raises(OSError, match="No space"):
-        DatasetWriter(store, GO2, {}).write("one", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+        DatasetWriter(store, GO2).write("one", made_up(rng), SIMULATION, {"rejected": {}})
     np.testing.assert_array_equal(read_motion(store, "one").trajectories.rows["action"], before)
     assert [path.name for path in store.parent.iterdir()] == [store.name]
 
@@ -129,7 +134,7 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
 def test_leftovers_of_a_killed_process_are_removed(store):
     leftover = store.with_name(f".tmp-{store.name}-one-4194999")
     leftover.mkdir()
-    DatasetWriter(store, GO2, {})
+    DatasetWriter(store, GO2)
     assert not leftover.exists()
 
 
@@ -137,10 +142,10 @@ def test_what_is_not_a_dataset_is_refused(tmp_path):
     with pytest.raises(DatasetError, match="no dataset here"):
         motion_names(tmp_path)
     with pytest.raises(DatasetError, match="not a dataset"):
-        DatasetWriter(tmp_path, GO2, {})
-    zarr.open_group(tmp_path / "other.zarr", mode="w")
+        DatasetWriter(tmp_path, GO2)
+    zarr.open_group(tmp_path / "other.zarr", mode="w", zarr_format=3)
     with pytest.raises(DatasetError, match="not a dataset of kine2go"):
-        DatasetWriter(tmp_path / "other.zarr", GO2, {})
+        DatasetWriter(tmp_path / "other.zarr", GO2)
     (tmp_path / "broken.zarr").mkdir()
     (tmp_path / "broken.zarr" / "zarr.json").write_text("{")
     with pytest.raises(DatasetError, match="not a Zarr store"):
@@ -178,22 +183,35 @@ def test_opening_gives_no_warning(store, recwarn):
 
 
 def test_the_index_knows_of_motions_added_and_replaced(store, rng):
-    writer = DatasetWriter(store, GO2, {})
-    writer.write("one", made_up(rng, rows=11), 1.0 / 60.0, {"rejected": {}})
-    writer.write("three", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+    writer = DatasetWriter(store, GO2)
+    writer.write("one", made_up(rng, rows=11), SIMULATION, {"rejected": {}})
+    writer.write("three", made_up(rng), SIMULATION, {"rejected": {}})
     tree = xarray.open_datatree(store, engine="zarr")
     assert set(tree.children) == {"one", "two", "three"}
     assert tree["one"].sizes["frame"] == 11
 
 
 def test_a_kill_before_the_index_is_written_leaves_a_store_that_opens(store, rng, monkeypatch):
-    writer = DatasetWriter(store, GO2, {})
+    writer = DatasetWriter(store, GO2)
 
     def be_killed(_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(DatasetWriter, "_write_index", be_killed)
     with pytest.raises(KeyboardInterrupt):
-        writer.write("three", made_up(rng), 1.0 / 60.0, {"rejected": {}})
+        writer.write("three", made_up(rng), SIMULATION, {"rejected": {}})
     assert motion_names(store) == ["one", "three", "two"]
     assert set(xarray.open_datatree(store, engine="zarr").children) == {"one", "two", "three"}
+
+
+def test_a_motion_simulated_otherwise_is_refused(store, rng):
+    other = replace(SIMULATION, stiffness=30.0)
+    with pytest.raises(DatasetError, match=r"holds motions with stiffness 60\.0, and three has 30\.0"):
+        DatasetWriter(store, GO2).write("three", made_up(rng), other, {"rejected": {}})
+    assert motion_names(store) == ["one", "two"]
+
+
+def test_a_store_appears_with_its_first_motion(tmp_path):
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
+    assert writer.motions() == []
+    assert list(tmp_path.iterdir()) == []

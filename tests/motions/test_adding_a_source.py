@@ -38,7 +38,9 @@ def write_cat(path):
 def test_the_example_makes_a_clean_clip(cat_capture, solver, tmp_path):
     assert cat_capture.name == "cat_capture"
     write_cat(tmp_path / "cat.npz")
-    entry = CatalogueEntry("cat", "cats", "cat_capture", "cat.npz", FrameRange(30, 60), 571, False, False, "CC0", "us")
+    entry = CatalogueEntry(
+        "cat", "cats", "cat_capture", "cat.npz", FrameRange(30, 60), 60.0, 571, False, False, "CC0", "us"
+    )
     result = retarget(entry, tmp_path, solver, RetargetConfig())
     assert clip_faults(assess(result, GO2)) == []
     assert result.clip.origin.source == "cat_capture"

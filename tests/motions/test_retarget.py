@@ -7,6 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.catalogue import CatalogueEntry, load_catalogue, motion_named
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import extend_cyclically
@@ -22,8 +23,10 @@ from tests.motions.test_solo8 import trot as solo_trot
 KEEP_RANGE = RetargetConfig(search_frames=0)
 
 
-def entry_of(file, start=60, end=120, source="ai4animation"):
-    return CatalogueEntry("made_up", "tests", source, file, FrameRange(start, end), 571, False, False, "CC0", "us")
+def entry_of(file, start=60, end=120, source="ai4animation", rate=60.0):
+    return CatalogueEntry(
+        "made_up", "tests", source, file, FrameRange(start, end), rate, 571, False, False, "CC0", "us"
+    )
 
 
 def make(points, folder, solver, config=KEEP_RANGE, **options):
@@ -107,7 +110,7 @@ def test_reading_at_60_and_at_50_hz_gives_the_same_path_in_time(solver, tmp_path
         gait = DogGait(rate=rate, stride_frames=round(0.6 * rate), turn_rate=0.3)
         position = generate(gait, round(3.6 * rate) + 1).points
         write_ai4animation(position, tmp_path / "dog.txt")
-        entry = entry_of("dog.txt", round(1.2 * rate), round(2.4 * rate))
+        entry = entry_of("dog.txt", round(1.2 * rate), round(2.4 * rate), rate=rate)
         source = type(entry.motion_source)
         source.rate, kept = rate, source.rate
         try:
@@ -123,7 +126,7 @@ def test_reading_at_60_and_at_50_hz_gives_the_same_path_in_time(solver, tmp_path
 def test_a_known_gait_of_solo8_comes_back(solver, tmp_path):
     """Foot paths within 2 mm after scaling, the right speed, and knees that bend as the Go2's do."""
     torch.save(torch.tensor(solo_trot()[None], dtype=torch.float64), tmp_path / "solo8.pt")
-    entry = entry_of("solo8.pt:0", 25, 75, "solo8")
+    entry = entry_of("solo8.pt:0", 25, 75, "solo8", 50.0)
     clip = retarget(entry, tmp_path, solver, RetargetConfig(mode="plain")).clip
     source = entry.motion_source
     motion = source.read(tmp_path / "solo8.pt:0")
@@ -184,3 +187,9 @@ def assess_example():
     from kine2go_warp.motions.quality import ClipQuality
 
     return ClipQuality("a", 30, 0.5, 1e-4, 0.0, 0.0, 0.05, 0.2, 0.5, 1.0, 1.0, 0.6, 0.0, 1.0, 0, 30)
+
+
+def test_a_rate_that_is_not_the_catalogues_is_refused(solver, tmp_path):
+    write_ai4animation(generate(DogGait(), 181).points, tmp_path / "dog.txt")
+    with pytest.raises(ClipError, match=r"runs at 60\.0 Hz, but the catalogue says 120 Hz"):
+        retarget(entry_of("dog.txt", rate=120.0), tmp_path, solver, KEEP_RANGE)

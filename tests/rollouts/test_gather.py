@@ -20,7 +20,7 @@ LOOSE = GatherConfig(trajectories=6, rows=40, max_distance=3.0, max_angle=3.0, m
 @pytest.fixture(scope="module")
 def dataset(policy, tmp_path_factory):
     path = tmp_path_factory.mktemp("gather") / "dataset.zarr"
-    result = gather(policy, DatasetWriter(path, GO2, {}), LOOSE, "cpu")
+    result = gather(policy, DatasetWriter(path, GO2), LOOSE, "cpu")
     assert result.accepted == 6
     return path
 
@@ -109,7 +109,7 @@ def test_quaternions_are_unit_and_continuous(data):
 
 
 def test_the_same_seed_gives_the_same_data_and_a_second_call_runs_nothing(policy, dataset, tmp_path):
-    again = DatasetWriter(tmp_path / "again.zarr", GO2, {})
+    again = DatasetWriter(tmp_path / "again.zarr", GO2)
     gather(policy, again, LOOSE, "cpu")
     for name, array in zarr.open_group(dataset / "dog_trot", mode="r").arrays():
         other = zarr.open_group(tmp_path / "again.zarr" / "dog_trot", mode="r")[name]
@@ -120,7 +120,7 @@ def test_the_same_seed_gives_the_same_data_and_a_second_call_runs_nothing(policy
 
 
 def test_other_settings_replace_the_motion(policy, tmp_path):
-    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
     gather(policy, writer, LOOSE, "cpu")
     result = gather(policy, writer, replace(LOOSE, trajectories=3), "cpu")
     assert (result.is_new, result.accepted) == (True, 3)
@@ -128,7 +128,7 @@ def test_other_settings_replace_the_motion(policy, tmp_path):
 
 
 def test_rollouts_that_drift_are_rejected_with_a_reason(policy, tmp_path):
-    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
     strict = replace(LOOSE, rows=200, max_distance=1e-4)
     with pytest.raises(DatasetError, match=r"all 6 rollouts were rejected \(6 by distance\)"):
         gather(policy, writer, strict, "cpu")
@@ -136,7 +136,7 @@ def test_rollouts_that_drift_are_rejected_with_a_reason(policy, tmp_path):
 
 
 def test_rollouts_whose_joints_are_off_are_rejected_with_a_reason(policy, tmp_path):
-    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2, {})
+    writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
     with pytest.raises(DatasetError, match="6 by joint_error"):
         gather(policy, writer, replace(LOOSE, max_joint_rmse=1e-6), "cpu")
 
