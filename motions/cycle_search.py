@@ -47,6 +47,11 @@ def seam_scores(features: Array, starts: Array, ends: Array) -> Array:
     return np.sqrt(np.maximum(squares, 0.0) / features.shape[1])
 
 
+def seam_score(targets: PoseTargets, start: int, end: int) -> float:
+    """Return the distance between two frames, in standard deviations of the motion."""
+    return float(seam_scores(pose_features(targets), np.array([start]), np.array([end]))[0, 0])
+
+
 def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -> tuple[int, int]:
     """Return the best start and end within some frames of the ones given.
 

@@ -35,6 +35,9 @@ class ClipQuality:
     """Least distance of a joint from its limits [rad]; negative where one is broken."""
     speed_share: float
     """Greatest joint speed over what its motor can do."""
+    seam_score: float | None
+    """How far the source is from repeating itself across the seam, in standard deviations of the motion; none where the
+    file ends with the range."""
     seam_jump: float
     """Mean way of the feet across the seam, over the mean of all frames."""
     seam_step: float
@@ -75,6 +78,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         swing_clearance=swing_clearance(bottom, stance),
         joint_margin=float(margin.min()),
         speed_share=float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max()),
+        seam_score=None if np.isnan(retargeted.seam_score) else retargeted.seam_score,
         seam_jump=float(steps[-1].mean() / mean_step) if mean_step > 1e-6 else 0.0,
         seam_step=seam_step(steps.mean(axis=1)),
         speed=float(path / clip.period),

@@ -1,7 +1,7 @@
 """Reports on reference clips: JSON for machines, a table for documents, a picture for people."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,22 +24,31 @@ def write_json(qualities: Sequence[ClipQuality], faults: dict[str, list[str]], p
         temporary.write_text(json.dumps(content, indent=2) + "\n")
 
 
+COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
+    ("motion", lambda q: f"`{q.name}`"),
+    ("frames", lambda q: f"{q.start}-{q.end}"),
+    ("period [s]", lambda q: f"{q.period:.2f}"),
+    ("residual [mm]", lambda q: f"{1e3 * q.residual:.2f}"),
+    ("penetration [mm]", lambda q: f"{1e3 * q.penetration:.2f}"),
+    ("stance slip [m/s]", lambda q: f"{q.stance_slip:.3f}"),
+    ("swing height [cm]", lambda q: f"{100.0 * q.swing_clearance:.1f}"),
+    ("joint margin [rad]", lambda q: f"{q.joint_margin:.2f}"),
+    ("joint speed [share]", lambda q: f"{q.speed_share:.2f}"),
+    ("seam score of the source", lambda q: "" if q.seam_score is None else f"{q.seam_score:.2f}"),
+    ("seam, mean steps", lambda q: f"{q.seam_jump:.2f}"),
+    ("seam, steps beside", lambda q: f"{q.seam_step:.2f}"),
+    ("speed [m/s]", lambda q: f"{q.speed:.2f}"),
+    ("path length", lambda q: f"{100.0 * q.path_error:+.1f} %"),
+)
+"""Headings of the table, and how each cell is written."""
+
+
 def markdown_table(qualities: Sequence[ClipQuality], faults: dict[str, list[str]]) -> str:
     """Return all figures as a table in Markdown."""
-    lines = [
-        "| motion | frames | period [s] | residual [mm] | penetration [mm] | stance slip [m/s] | swing height [cm] | "
-        "joint margin [rad] | joint speed [share] | seam, mean steps | seam, steps beside | speed [m/s] | "
-        "path length | remarks |",
-        "|---|" + "---:|" * 12 + "---|",
-    ]
-    lines += [
-        f"| `{q.name}` | {q.start}-{q.end} | {q.period:.2f} | {1e3 * q.residual:.2f} | {1e3 * q.penetration:.2f} | "
-        f"{q.stance_slip:.3f} | {100.0 * q.swing_clearance:.1f} | {q.joint_margin:.2f} | {q.speed_share:.2f} | "
-        f"{q.seam_jump:.2f} | {q.seam_step:.2f} | {q.speed:.2f} | {100.0 * q.path_error:+.1f} % | "
-        f"{'; '.join(faults[q.name]) or ''} |"
-        for q in qualities
-    ]
-    return "\n".join(lines) + "\n"
+    headings = [heading for heading, _ in COLUMNS]
+    rows = [[cell(quality) for _, cell in COLUMNS] + ["; ".join(faults[quality.name])] for quality in qualities]
+    table = [[*headings, "remarks"], ["---"] * (len(COLUMNS) + 1), *rows]
+    return "\n".join(f"| {' | '.join(row)} |" for row in table) + "\n"
 
 
 def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:

@@ -19,7 +19,7 @@ from kine2go_warp.motions.cycle import (
     recentred,
     with_extrapolated_frame,
 )
-from kine2go_warp.motions.cycle_search import best_cycle
+from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
 from kine2go_warp.motions.rotations import heading, turn_planar
 from kine2go_warp.motions.stance import detect_stance, hold_feet
@@ -46,6 +46,9 @@ class Retargeted:
     clip: MotionClip
     source_path_length: float
     """Length of the base's path in the ground plane according to the source, scaled [m]."""
+    seam_score: float
+    """Distance between first frame and the one after the last in the source, in standard deviations of the motion; NaN
+    where the file ends with the range."""
 
 
 def retarget(
@@ -74,7 +77,8 @@ def retarget(
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip = make(entry.name, selected, end == motion.num_frames, 1.0 / motion.rate, origin, solver, config)
     steps = np.linalg.norm(np.diff(selected.root_position[:, :2], axis=0), axis=1)
-    return Retargeted(clip, float(steps.sum()))
+    score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
+    return Retargeted(clip, float(steps.sum()), score)
 
 
 def retarget_plain(

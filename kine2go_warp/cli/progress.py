@@ -5,6 +5,7 @@ from types import TracebackType
 
 import rich.progress
 from rich.console import Console
+from rich.table import Column
 
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.pipelines.runner import RunObserver
@@ -13,7 +14,7 @@ from kine2go_warp.rollouts.gather import GatherResult
 PLAIN_INTERVAL = 10.0
 """Least time between two plain lines of one stage [s]."""
 
-FIRST_TIME_NOTES = {"train": "preparing; the first time on a machine, kernels are compiled for about a minute"}
+FIRST_TIME_NOTES = {"train": "preparing (kernels compile once, for a minute)"}
 """What to show where a stage may be silent for long."""
 
 
@@ -23,13 +24,11 @@ class Progress(RunObserver):
     def __init__(self) -> None:
         self.console = Console(stderr=True)
         self.live = rich.progress.Progress(
-            rich.progress.TextColumn("{task.fields[motion]:<24} {task.fields[stage]:<9}"),
-            rich.progress.BarColumn(bar_width=24),
-            rich.progress.MofNCompleteColumn(),
-            rich.progress.TimeElapsedColumn(),
-            rich.progress.TextColumn("left"),
-            rich.progress.TimeRemainingColumn(),
-            rich.progress.TextColumn("{task.fields[detail]}"),
+            rich.progress.TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+            rich.progress.BarColumn(bar_width=12),
+            rich.progress.TaskProgressColumn(),
+            rich.progress.TimeRemainingColumn(compact=True),
+            rich.progress.TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True)),
             console=self.console,
             disable=not self.console.is_terminal,
         )
@@ -51,11 +50,11 @@ class Progress(RunObserver):
         self._complete()
         self.label = f"{motion} {stage}"
         self.last_line = time.monotonic()
-        note = FIRST_TIME_NOTES.get(stage, "started")
+        note = FIRST_TIME_NOTES.get(stage, "")
         if self.console.is_terminal:
-            self.task = self.live.add_task("", total=None, motion=motion, stage=stage, detail=note)
+            self.task = self.live.add_task(self.label, total=None, detail=note)
         else:
-            self.console.print(f"{self.label}: {note}", highlight=False)
+            self.console.print(f"{self.label}: {note or 'started'}", highlight=False)
 
     def advanced(self, done: int, total: int, detail: str) -> None:
         """The present stage has done some of its steps."""

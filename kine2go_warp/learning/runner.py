@@ -33,9 +33,7 @@ class TrainingProgress:
     """Control steps of all worlds in a second, learning included."""
 
     def __str__(self) -> str:
-        return (
-            f"reward {self.reward:5.2f}  episode {self.episode_length:4.0f} steps  {self.steps_per_second:,.0f} steps/s"
-        )
+        return f"reward {self.reward:.2f}, {self.episode_length:.0f} steps an episode, {self.steps_per_second:,.0f} steps/s"
 
 
 ProgressCallback = Callable[[TrainingProgress], None]

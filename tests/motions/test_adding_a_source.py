@@ -7,15 +7,15 @@ import pytest
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions import sources
-from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.generator import DogGait, generate
-from kine2go_warp.motions.keypoints import KEYPOINTS, FrameRange
+from kine2go_warp.motions.keypoints import KEYPOINTS
 from kine2go_warp.motions.quality import assess, clip_faults
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.motions.sources.ai4animation import COLUMN_OF_KEYPOINT
 from kine2go_warp.robots import GO2
 from tests.conftest import REPOSITORY
+from tests.motions.test_retarget import entry_of
 
 
 @pytest.fixture
@@ -38,9 +38,7 @@ def write_cat(path):
 def test_the_example_makes_a_clean_clip(cat_capture, solver, tmp_path):
     assert cat_capture.name == "cat_capture"
     write_cat(tmp_path / "cat.npz")
-    entry = CatalogueEntry(
-        "cat", "cats", "cat_capture", "cat.npz", FrameRange(30, 60), 60.0, 571, False, False, "CC0", "us"
-    )
+    entry = entry_of("cat.npz", 30, 60, "cat_capture")
     result = retarget(entry, tmp_path, solver, RetargetConfig())
     assert clip_faults(assess(result, GO2)) == []
     assert result.clip.origin.source == "cat_capture"

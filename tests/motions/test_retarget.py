@@ -25,7 +25,17 @@ KEEP_RANGE = RetargetConfig(search_frames=0)
 
 def entry_of(file, start=60, end=120, source="ai4animation", rate=60.0):
     return CatalogueEntry(
-        "made_up", "tests", source, file, FrameRange(start, end), rate, 571, False, False, "CC0", "us"
+        name="made_up",
+        collection="tests",
+        source=source,
+        file=file,
+        frames=FrameRange(start, end),
+        rate=rate,
+        length=571,
+        sample=False,
+        bundled=False,
+        licence="CC0",
+        citation="us",
     )
 
 
@@ -186,7 +196,25 @@ def test_faults_are_named():
 def assess_example():
     from kine2go_warp.motions.quality import ClipQuality
 
-    return ClipQuality("a", 30, 0.5, 1e-4, 0.0, 0.0, 0.05, 0.2, 0.5, 1.0, 1.0, 0.6, 0.0, 1.0, 0, 30)
+    return ClipQuality(
+        name="a",
+        frames=30,
+        period=0.5,
+        residual=1e-4,
+        penetration=0.0,
+        stance_slip=0.0,
+        swing_clearance=0.05,
+        joint_margin=0.2,
+        speed_share=0.5,
+        seam_score=0.1,
+        seam_jump=1.0,
+        seam_step=1.0,
+        speed=0.6,
+        path_error=0.0,
+        slow_down=1.0,
+        start=0,
+        end=30,
+    )
 
 
 def test_a_rate_that_is_not_the_catalogues_is_refused(solver, tmp_path):
