@@ -33,7 +33,8 @@ class TrainingProgress:
     """Control steps of all worlds in a second, learning included."""
 
     def __str__(self) -> str:
-        return f"reward {self.reward:.2f}, {self.episode_length:.0f} steps an episode, {self.steps_per_second:,.0f} steps/s"
+        episode = f"{self.episode_length:.0f} steps an episode"
+        return f"reward {self.reward:.2f}, {episode}, {self.steps_per_second:,.0f} steps/s"
 
 
 ProgressCallback = Callable[[TrainingProgress], None]
