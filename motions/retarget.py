@@ -40,6 +40,20 @@ FLOOR_PASSES = 3
 
 
 @dataclass(frozen=True)
+class SelectedRange:
+    """The frames of a motion that become one cycle."""
+
+    name: str
+    targets: PoseTargets
+    """The frames, and the one after them unless the file ends."""
+    open_ended: bool
+    """Whether the file ends with the range, so that the frame after it is missing."""
+    frame_duration: float
+    """[s]"""
+    origin: ClipOrigin
+
+
+@dataclass(frozen=True)
 class Retargeted:
     """A clip and what it was made of, to judge it by."""
 
@@ -72,63 +86,54 @@ def retarget(
     targets = pose_targets(motion, source, solver.spec)
     if config.mode == "contact" and config.search_frames > 0:
         start, end = best_cycle(targets, start, end, config.search_frames)
-    selected = targets.frames(start, min(end + 1, motion.num_frames))
-    origin = entry.origin(path, start, end, motion.rate)
+    selected = SelectedRange(
+        name=entry.name,
+        targets=targets.frames(start, min(end + 1, motion.num_frames)),
+        open_ended=end == motion.num_frames,
+        frame_duration=1.0 / motion.rate,
+        origin=entry.origin(path, start, end, motion.rate),
+    )
     make = retarget_contacts if config.mode == "contact" else retarget_plain
-    clip = make(entry.name, selected, end == motion.num_frames, 1.0 / motion.rate, origin, solver, config)
-    steps = np.linalg.norm(np.diff(selected.root_position[:, :2], axis=0), axis=1)
+    clip = make(selected, solver, config)
+    steps = np.linalg.norm(np.diff(selected.targets.root_position[:, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
     return Retargeted(clip, float(steps.sum()), score)
 
 
-def retarget_plain(
-    name: str,
-    targets: PoseTargets,
-    open_ended: bool,
-    frame_duration: float,
-    origin: ClipOrigin,
-    solver: InverseKinematics,
-    config: RetargetConfig,
-) -> MotionClip:
+def retarget_plain(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
     """Follow the paper's rule: inverse kinematics frame by frame, then a blended seam in joint space."""
+    targets = selected.targets
     solved = solver.solve(targets)
     poses = PoseSequence(solved.root_position, solved.root_orientation, solved.joint_position)
-    if open_ended:
+    if selected.open_ended:
         poses = with_extrapolated_frame(poses)
     closed, cycle = close_cycle(recentred(poses), config.blend_frames)
     feet = targets.foot_position - np.array([0.0, 0.0, solver.spec.foot_radius])
     num_frames = len(closed.root_position)
-    stance = detect_stance(feet, targets.root_position, frame_duration, config)[:num_frames].astype(float)
+    stance = detect_stance(feet, targets.root_position, selected.frame_duration, config)[:num_frames].astype(float)
     residual = solved.residual[:num_frames]
     return assemble_clip(
-        name,
-        frame_duration,
+        selected.name,
+        selected.frame_duration,
         closed.root_position,
         closed.root_orientation,
         closed.channels,
         stance,
         residual,
         cycle,
-        origin,
+        selected.origin,
         solver.spec,
     )
 
 
-def retarget_contacts(
-    name: str,
-    targets: PoseTargets,
-    open_ended: bool,
-    frame_duration: float,
-    origin: ClipOrigin,
-    solver: InverseKinematics,
-    config: RetargetConfig,
-) -> MotionClip:
+def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
     """Close the cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
 
     All of it is done on the cycle continued on both sides, so that what comes out in the middle is periodic.
     """
+    targets, frame_duration = selected.targets, selected.frame_duration
     poses = PoseSequence(targets.root_position, targets.root_orientation, feet_in_heading_frame(targets))
-    if open_ended:
+    if selected.open_ended:
         poses = with_extrapolated_frame(poses)
     closed, cycle = close_cycle(recentred(poses), config.blend_frames)
     num_frames = len(closed.root_position)
@@ -152,7 +157,7 @@ def retarget_contacts(
     )
     step = cycle_between(solved, first, num_frames)
     clip = assemble_clip(
-        name,
+        selected.name,
         frame_duration,
         centred.root_position,
         centred.root_orientation,
@@ -160,7 +165,7 @@ def retarget_contacts(
         stance[margin : margin + num_frames].astype(float),
         solved.residual[middle],
         step,
-        origin,
+        selected.origin,
         solver.spec,
     )
     return slowed_to_motors(clip, solver.spec)

@@ -1,5 +1,6 @@
 """Many worlds in which a Go2 tracks reference clips, stepped by one captured graph."""
 
+import gc
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from kine2go_warp.env.model import (
     base_com,
     build_model,
     build_solver,
+    by_world,
     geom_roles,
     leg_geometry,
     silence_iteration_warnings,
@@ -161,8 +163,14 @@ class ImitationEnvironment:
         afresh.
         """
         self._step()
-        with wp.ScopedCapture() as capture:
-            self._step()
+        # An old graph that is collected during a capture would corrupt the new one.
+        gc.collect()
+        gc.disable()
+        try:
+            with wp.ScopedCapture() as capture:
+                self._step()
+        finally:
+            gc.enable()
         self._graph = capture.graph
         self.restart(self.config.seed)
 
@@ -345,12 +353,6 @@ class ImitationEnvironment:
                 self.observation,
             ],
         )
-
-
-def by_world(array: wp.array | None, num_worlds: int) -> wp.array:
-    """Return a flat array of Newton's as rows, one a world, without copying."""
-    assert array is not None
-    return array.reshape((num_worlds, -1))
 
 
 def world_seeds(seed: int, num_worlds: int) -> np.ndarray:

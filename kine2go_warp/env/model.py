@@ -94,6 +94,12 @@ def host_copy(array: Any) -> np.ndarray:
     return np.array(array.numpy())
 
 
+def by_world(array: wp.array | None, num_worlds: int) -> wp.array:
+    """Return a flat array of Newton's as rows, one a world, without copying."""
+    assert array is not None
+    return array.reshape((num_worlds, -1))
+
+
 def geom_roles(model: newton.Model, solver: newton.solvers.SolverMuJoCo, spec: RobotSpec) -> np.ndarray:
     """Return what each of the solver's shapes is: a foot (0 to 3), body, leg or ignored, shape [num_geoms].
 
