@@ -71,7 +71,7 @@ def place_reference(
 @wp.func
 def lowest_foot(geometry: LegGeometry, robot: RobotState, rotation: wp.quat, world: int) -> float:
     """Return the height of the lowest point of the foot spheres above the root [m], negative as a rule."""
-    lowest = 0.0
+    lowest = float(0.0)
     for leg in range(4):
         first = 7 + 3 * leg
         foot = foot_position_b(

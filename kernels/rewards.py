@@ -28,7 +28,7 @@ MAXIMUM_REWARDS = (1.0, 1.0, 1.0, 2.0, 2.0)
 @wp.func
 def joint_position_error(robot: RobotState, reference: ReferenceState, world: int) -> float:
     """Return the summed squared joint position error [rad^2]."""
-    total = 0.0
+    total = float(0.0)
     for joint in range(12):
         error = joint_position(robot, world, joint) - reference.joint_position[world, joint]
         total += error * error
@@ -38,7 +38,7 @@ def joint_position_error(robot: RobotState, reference: ReferenceState, world: in
 @wp.func
 def joint_velocity_error(robot: RobotState, reference: ReferenceState, world: int) -> float:
     """Return the summed squared joint velocity error [rad^2/s^2]."""
-    total = 0.0
+    total = float(0.0)
     for joint in range(12):
         error = joint_velocity(robot, world, joint) - reference.joint_velocity[world, joint]
         total += error * error
@@ -48,7 +48,7 @@ def joint_velocity_error(robot: RobotState, reference: ReferenceState, world: in
 @wp.func
 def foot_position_error(robot: RobotState, reference: ReferenceState, geometry: LegGeometry, world: int) -> float:
     """Return the summed squared error of the feet relative to the root, each in its own heading frame [m^2]."""
-    total = 0.0
+    total = float(0.0)
     rotation = root_orientation(robot, world)
     target_rotation = wp.transform_get_rotation(reference.root[world])
     for leg in range(4):

@@ -31,17 +31,18 @@ def console() -> Console:
 def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:
     """Print what a dataset holds, computed from the data written."""
     table = Table(title=f"{dataset} (figures computed from the data written)", title_justify="left")
-    for heading in ("motion", "accepted", "duration", "joint RMSE", "root error", "root angle", "foot error"):
+    headings = ("joint RMSE\n[rad]", "root error\n[cm]", "root angle\n[rad]", "foot error\n[cm]")
+    for heading in ("motion", "accepted", "duration\n[s]", *headings):
         table.add_column(heading, justify="left" if heading == "motion" else "right")
     for row in summaries:
         table.add_row(
             row.motion,
             f"{row.accepted}/{row.total}",
-            f"{row.shortest:.1f} s" if row.shortest == row.longest else f"{row.shortest:.1f}-{row.longest:.1f} s",
-            f"{row.joint_rmse:.3f} rad",
-            f"{100.0 * row.root_error:.1f} cm",
-            f"{row.root_angle:.3f} rad",
-            f"{100.0 * row.foot_error:.1f} cm",
+            f"{row.shortest:.1f}" if row.shortest == row.longest else f"{row.shortest:.1f}-{row.longest:.1f}",
+            f"{row.joint_rmse:.3f}",
+            f"{100.0 * row.root_error:.1f}",
+            f"{row.root_angle:.3f}",
+            f"{100.0 * row.foot_error:.1f}",
         )
     output = console()
     output.print(table)

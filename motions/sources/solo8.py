@@ -16,19 +16,21 @@ Array = NDArray[np.float64]
 
 URDF = Path(__file__).with_name("solo8.urdf")
 NUM_COLUMNS = 33
-POSITION, QUATERNION, JOINTS = slice(0, 3), slice(3, 7), slice(17, 25)
+POSITION, QUATERNION, JOINTS, JOINT_SPEEDS = slice(0, 3), slice(3, 7), slice(17, 25), slice(25, 33)
 LEG_PREFIXES = ("FL", "FR", "HL", "HR")
 """Legs in the order of the columns, which is also FL, FR, RL, RR."""
 TRUNK_HALF_LENGTH = 0.1
 """How far neck and pelvis are put before and behind the base origin [m]."""
 LARGEST_VALUE = 1e3
+RATE_TOLERANCE = 0.25
+"""How far the frame rate fitted to the file's own joint velocities may be from 50 Hz, relatively."""
 
 
 class Solo8(MotionSource):
     """A tensor [trajectories, frames, 33] at 50 Hz; ``file.pt:K`` names trajectory K.
 
-    Columns: base position 0:3 [m], base orientation 3:7 (x, y, z, w), and joint positions 17:25 [rad], hip and knee of
-    FL, FR, HL, HR. The rest can be derived and is not read.
+    Columns: base position 0:3 [m], base orientation 3:7 (x, y, z, w), joint positions 17:25 [rad] and velocities 25:33
+    [rad/s], hip and knee of FL, FR, HL, HR. The velocities only serve to check the rate; the rest can be derived.
     """
 
     name: ClassVar[str] = "solo8"
@@ -44,6 +46,9 @@ class Solo8(MotionSource):
     def read(self, path: Path) -> KeypointMotion:
         """Read one trajectory; see ``MotionSource.read``."""
         rows = read_trajectory(self.data_file(path), path)
+        rate = fitted_rate(rows[:, JOINTS], rows[:, JOINT_SPEEDS])
+        if abs(rate / self.rate - 1.0) > RATE_TOLERANCE:
+            raise ClipError(f"{path}: its joint velocities fit {rate:.0f} frames a second, not {self.rate:.0f}")
         rotation = Rotation.from_quat(rows[:, QUATERNION])
         base = rows[:, POSITION]
         hips, feet = leg_points(rows[:, JOINTS])
@@ -54,6 +59,16 @@ class Solo8(MotionSource):
             points[f"{leg}_toe"] = base + rotation.apply(feet[:, index])
         time = np.arange(len(rows)) / self.rate
         return KeypointMotion(time, np.stack([points[name] for name in KEYPOINTS], axis=1))
+
+
+def fitted_rate(joints: Array, speeds: Array) -> float:
+    """Return the frame rate at which joint positions change as their velocities say [Hz].
+
+    The least-squares fit of the changes to the mean velocities; 50 Hz where nothing moves.
+    """
+    changes, means = np.diff(joints, axis=0), 0.5 * (speeds[1:] + speeds[:-1])
+    product = np.sum(changes * means)
+    return float(np.sum(means**2) / product) if product > 1e-9 else Solo8.rate
 
 
 def leg_points(joints: Array) -> tuple[Array, Array]:

@@ -25,6 +25,7 @@ def trot(num_frames=120, speed=0.5):
         bend = 1.0 if index < 2 else -1.0
         rows[:, 17 + 2 * index] = bend * 0.7 + 0.25 * np.sin(swing)
         rows[:, 18 + 2 * index] = -bend * (1.4 + 0.2 * np.maximum(np.cos(swing), 0.0))
+    rows[:, 25:33] = 50.0 * np.gradient(rows[:, 17:25], axis=0)
     return rows
 
 
@@ -59,6 +60,14 @@ def test_rate_speed_and_trunk(file):
     middle = 0.5 * (motion.point("neck") + motion.point("pelvis"))
     np.testing.assert_allclose(middle, np.float32(trot())[:, :3], atol=1e-6)
     assert np.linalg.norm(middle[-1] - middle[0]) / motion.time[-1] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_file_of_another_rate_is_told_by_its_own_velocities(tmp_path):
+    rows = trot()
+    rows[:, 25:33] *= 2.0
+    torch.save(torch.tensor(rows[None]), tmp_path / "solo8.pt")
+    with pytest.raises(ClipError, match="fit 100 frames a second, not 50"):
+        Solo8().read(tmp_path / "solo8.pt:0")
 
 
 def test_knees_bend_as_in_the_robot():
