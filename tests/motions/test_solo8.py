@@ -66,7 +66,7 @@ def test_a_file_of_another_rate_is_told_by_its_own_velocities(tmp_path):
     rows = trot()
     rows[:, 25:33] *= 2.0
     torch.save(torch.tensor(rows[None]), tmp_path / "solo8.pt")
-    with pytest.raises(ClipError, match="fit 100 frames a second, not 50"):
+    with pytest.raises(ClipError, match=r"fit 9\d frames a second, not 50"):
         Solo8().read(tmp_path / "solo8.pt:0")
 
 
