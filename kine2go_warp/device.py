@@ -1,20 +1,21 @@
 """Which device to use, chosen once for Warp and torch."""
 
+import contextlib
+import os
+from collections.abc import Iterator
+
 from kine2go_warp.errors import Kine2GoError
 
 
 def choose_device(name: str | None) -> str:
     """Return the device to use: the one named, or CUDA where there is one, else the CPU.
 
-    Warp is told to be quiet, since the command line reports progress itself.
-
     Raises:
         Kine2GoError: the named device does not exist here.
     """
     import warp as wp
 
-    wp.config.log_level = wp.LOG_ERROR
-    wp.init()
+    start_warp()
     known = [device.alias for device in wp.get_devices()]
     if name is None:
         return "cuda:0" if wp.is_cuda_available() else "cpu"
@@ -22,3 +23,26 @@ def choose_device(name: str | None) -> str:
     if name not in known:
         raise Kine2GoError(f"no device '{name}' on this machine; there is: {', '.join(known)}")
     return name
+
+
+def start_warp() -> None:
+    """Start Warp without its messages, since the command line reports what matters itself."""
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    with silent_standard_error():
+        wp.init()
+
+
+@contextlib.contextmanager
+def silent_standard_error() -> Iterator[None]:
+    """Drop what compiled code writes to standard error: Warp's native part warns there if there is no CUDA driver."""
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from kine2go_warp.device import start_warp
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.targets import PoseTargets
@@ -105,8 +106,7 @@ def print_machine() -> None:
     """Print versions and devices."""
     import warp as wp
 
-    wp.config.log_level = wp.LOG_ERROR
-    wp.init()
+    start_warp()
     table = Table(title="software and devices", title_justify="left", show_header=False)
     table.add_row("Python", platform.python_version())
     for package in PACKAGES:
