@@ -11,6 +11,7 @@ from kine2go_warp.kernels.reference import (
     interpolate_turned,
     reference_root,
 )
+from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
 from kine2go_warp.kernels.state import RobotState, com_velocity_w
 
 wp.set_module_options({"enable_backward": False})
@@ -18,8 +19,10 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class ResetRanges:
-    """Half widths of the uniform perturbations of the initial state."""
+    """How the initial state is drawn: half widths of uniform perturbations, and where they are centred."""
 
+    reference_probability: float
+    """Share of episodes that begin on the reference; the others begin standing where it is."""
     joint_position: float
     """[rad]"""
     joint_velocity: float
@@ -47,6 +50,13 @@ def random_vector(seed: wp.uint32, episode: int, stream: int, half_width: float)
         wp.randf(rng, -half_width, half_width),
         wp.randf(rng, -half_width, half_width),
     )
+
+
+@wp.func
+def starts_on_reference(seed: wp.uint32, episode: int, probability: float) -> bool:
+    """Return whether an episode begins on the reference rather than standing."""
+    rng = random_stream(seed, episode, 5)
+    return wp.randf(rng) < probability
 
 
 @wp.func
@@ -117,13 +127,14 @@ def reset_joints(
     clips: ReferenceClips,
     placement: Placement,
     ranges: ResetRanges,
+    default_position: wp.array(dtype=float),
     joint_lower: wp.array(dtype=float),
     joint_upper: wp.array(dtype=float),
     robot: RobotState,
     queue: wp.array3d(dtype=float),
     torque: wp.array2d(dtype=float),
 ):
-    """Put the joints of every world that is done on its reference, perturbed but within their limits.
+    """Put the joints of every world that is done on its reference or in the default pose, perturbed within limits.
 
     The target queue is filled with the initial joint positions, so that the motors hold the pose until the first
     action takes effect.
@@ -134,11 +145,15 @@ def reset_joints(
     rng = random_stream(seed[world], episode[world], 1)
     clip = placement.clip[world]
     frame = frame_at(clips, placement, world, 0.0)
+    on_reference = starts_on_reference(seed[world], episode[world], ranges.reference_probability)
     for joint in range(12):
-        position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
+        position = default_position[joint]
+        velocity = float(0.0)
+        if on_reference:
+            position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
+            velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
         position += wp.randf(rng, -ranges.joint_position, ranges.joint_position)
         position = wp.clamp(position, joint_lower[joint], joint_upper[joint])
-        velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
         robot.joint_q[world, 7 + joint] = position
         robot.joint_qd[world, 6 + joint] = velocity + wp.randf(rng, -ranges.joint_velocity, ranges.joint_velocity)
         torque[world, joint] = 0.0
@@ -156,9 +171,10 @@ def reset_root(
     geometry: LegGeometry,
     ranges: ResetRanges,
     robot: RobotState,
+    foot_force: wp.array2d(dtype=wp.vec3),
     warm_start: wp.array2d(dtype=float),
 ):
-    """Put the root of every world that is done on its reference, perturbed, with no foot below the floor.
+    """Put the root of every world that is done on its reference, or level above its place, no foot below the floor.
 
     Launched after ``reset_joints``. The solver's warm start is cleared: a value that is not finite would poison the
     new episode.
@@ -167,24 +183,33 @@ def reset_root(
     if done[world] == wp.int64(0):
         return
     frame = frame_at(clips, placement, world, 0.0)
+    on_reference = starts_on_reference(seed[world], episode[world], ranges.reference_probability)
     root = reference_root(clips, placement, world, frame)
-    tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
-    rotation = wp.normalize(wp.transform_get_rotation(root) * wp.quat_rpy(tilt[0], tilt[1], 0.0))
+    upright = wp.transform_get_rotation(root)
     position = wp.transform_get_translation(root)
+    linear = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    if not on_reference:
+        upright = yaw_rotation(heading_of(upright))
+        position = wp.vec3(position[0], position[1], 0.0)
+        linear = wp.vec3(0.0, 0.0, 0.0)
+        angular = wp.vec3(0.0, 0.0, 0.0)
+    tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
+    rotation = wp.normalize(upright * wp.quat_rpy(tilt[0], tilt[1], 0.0))
     robot.joint_q[world, 0] = position[0]
     robot.joint_q[world, 1] = position[1]
     robot.joint_q[world, 2] = wp.max(position[2], -lowest_foot(geometry, robot, rotation, world))
     for axis in range(4):
         robot.joint_q[world, 3 + axis] = rotation[axis]
 
-    linear = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
-    angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
     linear += random_vector(seed[world], episode[world], 3, ranges.linear_velocity)
     angular += random_vector(seed[world], episode[world], 4, ranges.angular_velocity)
     linear = com_velocity_w(linear, angular, rotation, robot.com_b[world])
     for axis in range(3):
         robot.joint_qd[world, axis] = linear[axis]
         robot.joint_qd[world, 3 + axis] = angular[axis]
+    for foot in range(4):
+        foot_force[world, foot] = wp.vec3(0.0, 0.0, 0.0)
     for index in range(warm_start.shape[1]):
         warm_start[world, index] = 0.0
 

@@ -7,6 +7,7 @@ from kine2go_warp.kernels.reference import ReferenceState
 from kine2go_warp.kernels.rotations import rotation_angle
 from kine2go_warp.kernels.state import (
     RobotState,
+    is_finite,
     joint_position,
     joint_velocity,
     leg_joint_position,
@@ -92,8 +93,16 @@ def tracking_rewards(
     terms: wp.array2d(dtype=float),
     total: wp.array(dtype=float),
 ):
-    """Write the weighted terms in the order of ``REWARD_TERMS``, shape [num_worlds, 5], and their sum."""
+    """Write the weighted terms in the order of ``REWARD_TERMS``, shape [num_worlds, 5], and their sum.
+
+    A world whose state is not finite earns nothing: one such number would spread through the learner to all worlds.
+    """
     world = wp.tid()
+    if not is_finite(robot, world):
+        for term in range(5):
+            terms[world, term] = 0.0
+        total[world] = 0.0
+        return
     terms[world, 0] = weights[0] * wp.exp(-5.0 * joint_position_error(robot, reference, world))
     terms[world, 1] = weights[1] * wp.exp(-0.1 * joint_velocity_error(robot, reference, world))
     terms[world, 2] = weights[2] * wp.exp(-40.0 * foot_position_error(robot, reference, geometry, world))

@@ -71,6 +71,18 @@ def root_linear_velocity_w(robot: RobotState, world: int) -> wp.vec3:
 
 
 @wp.func
+def is_finite(robot: RobotState, world: int) -> bool:
+    """Return whether every coordinate of a world is a finite number."""
+    for index in range(19):
+        if not wp.isfinite(robot.joint_q[world, index]):
+            return False
+    for index in range(18):  # noqa: SIM110 - Warp has no generators
+        if not wp.isfinite(robot.joint_qd[world, index]):
+            return False
+    return True
+
+
+@wp.func
 def com_velocity_w(
     origin_velocity: wp.vec3, angular_velocity: wp.vec3, orientation: wp.quat, com_b: wp.vec3
 ) -> wp.vec3:

@@ -4,7 +4,7 @@ import warp as wp
 
 from kine2go_warp.kernels.reference import ReferenceState
 from kine2go_warp.kernels.rotations import rotation_angle
-from kine2go_warp.kernels.state import RobotState, root_orientation, root_position
+from kine2go_warp.kernels.state import RobotState, is_finite, root_orientation, root_position
 
 wp.set_module_options({"enable_backward": False})
 
@@ -17,18 +17,6 @@ REASON_TIME_OUT = wp.constant(5)
 
 REASON_NAMES = ("none", "distance", "rotation", "body_contact", "non_finite", "time_out")
 """Names of the reasons, indexed by the numbers above."""
-
-
-@wp.func
-def is_finite(robot: RobotState, world: int) -> bool:
-    """Return whether every coordinate of a world is a finite number."""
-    for index in range(19):
-        if not wp.isfinite(robot.joint_q[world, index]):
-            return False
-    for index in range(18):  # noqa: SIM110 - Warp has no generators
-        if not wp.isfinite(robot.joint_qd[world, index]):
-            return False
-    return True
 
 
 @wp.kernel

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -143,20 +142,22 @@ class MotionClip:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
+            version = header["format_version"]
+            if version == FORMAT_VERSION:
+                return cls(
+                    name=header["name"],
+                    frame_duration=header["frame_duration"],
+                    slow_down=header["slow_down"],
+                    cycle=CycleStep(**header["cycle"]),
+                    origin=ClipOrigin(**header["origin"]),
+                    **arrays,
+                )
         except FileNotFoundError:
             raise ClipError(f"{path}: no such clip; make it with 'kine2go retarget'") from None
-        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({error})") from None
-        if header.get("format_version") != FORMAT_VERSION:
-            raise ClipError(f"{path}: clip format {header.get('format_version')}, expected {FORMAT_VERSION}")
-        return cls(
-            name=header["name"],
-            frame_duration=header["frame_duration"],
-            slow_down=header["slow_down"],
-            cycle=CycleStep(**header["cycle"]),
-            origin=ClipOrigin(**header["origin"]),
-            **arrays,
-        )
+        except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
+            problem = f"{error.__class__.__name__}: {error}"
+            raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({problem})") from None
+        raise ClipError(f"{path}: clip format {version}, expected {FORMAT_VERSION}; retarget it again")
 
 
 def assemble_clip(

@@ -1,5 +1,6 @@
 """Checking the source clips, and fetching them from an address of the user's choice."""
 
+import http.client
 import os
 import urllib.error
 import urllib.request
@@ -57,7 +58,7 @@ def fetch_file(
     partial.parent.mkdir(parents=True, exist_ok=True)
     try:
         _download(address, partial, on_bytes)
-    except (urllib.error.URLError, TimeoutError, ConnectionError) as error:
+    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
         reason = getattr(error, "reason", error)
         raise Kine2GoError(f"{address}: cannot be fetched ({reason}); run the same command again to go on") from None
     if entry.sha256 and sha256_of(partial) != entry.sha256:

@@ -18,8 +18,15 @@ COLOURS = ("#d1495b", "#3066be", "#edae49", "#2a9d8f")
 
 
 def write_json(qualities: Sequence[ClipQuality], faults: dict[str, list[str]], path: Path) -> None:
-    """Write all figures."""
-    content = [{**asdict(quality), "faults": faults[quality.name]} for quality in qualities]
+    """Write all figures, beside those of other clips that are in the file already."""
+    known = {}
+    if path.is_file():
+        try:
+            known = {row["name"]: row for row in json.loads(path.read_text())}
+        except (ValueError, TypeError, KeyError):
+            known = {}
+    known |= {quality.name: {**asdict(quality), "faults": faults[quality.name]} for quality in qualities}
+    content = [known[name] for name in sorted(known)]
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n")
 

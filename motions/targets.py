@@ -86,7 +86,7 @@ def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:
 def _unit(vectors: Array) -> Array:
     """Return vectors of length 1."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if np.any(length < 1e-6):
-        frame = int(np.argmin(length))
+    if not np.all(length >= 1e-6):
+        frame = int(np.argmin(np.nan_to_num(length)))
         raise ClipError(f"frame {frame}: the animal's trunk has no length or no width, so it has no orientation")
     return np.asarray(vectors / length, dtype=np.float64)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.errors import ClipError, Kine2GoError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.train import train
@@ -138,17 +138,29 @@ class RecipeRunner:
         self.observer.stage(entry.name, "retarget")
         clip = retarget(entry, self.data_folder, InverseKinematics(GO2), self.recipe.retarget).clip
         path = self.workspace.clip(entry.name)
-        if not path.is_file() or MotionClip.load(path).content_hash() != clip.content_hash():
+        try:
+            is_same = path.is_file() and MotionClip.load(path).content_hash() == clip.content_hash()
+        except ClipError:
+            is_same = False
+        if not is_same:
             clip.save(path)
         return clip
 
     def _record(self, motion: str, result: GatherResult) -> None:
-        """Write the recording of a motion, unless it shows the same rollouts already."""
+        """Write the recording of a motion, unless it shows the same rollouts already.
+
+        What it shows is noted beside it, after it is written.
+        """
         from kine2go_warp.dataset.reader import read_motion
         from kine2go_warp.recordings.motion import record_motion
 
         path = self.workspace.recording(motion)
-        if self.recipe.record.trajectories == 0 or (path.is_file() and not result.is_new):
+        note = path.with_suffix(".json")
+        shown = json.dumps({"rollouts": result.fingerprint, "trajectories": self.recipe.record.trajectories})
+        is_same = path.is_file() and note.is_file() and note.read_text() == shown
+        if self.recipe.record.trajectories == 0 or is_same:
             return
         self.observer.stage(motion, "record")
         record_motion(read_motion(self.workspace.dataset, motion), path, self.recipe.record.trajectories)
+        with atomic_file(note) as temporary:
+            temporary.write_text(shown)

@@ -6,8 +6,6 @@ from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
 from kine2go_warp.errors import Kine2GoError
 
 LEG_JOINTS = ("hip", "thigh", "calf")
@@ -129,8 +127,3 @@ class UrdfReader:
         text = self.find(f".//collision[@name='{name}']/{element}").attrib[attribute]
         x, y, z = (float(value) for value in text.split())
         return x, y, z
-
-
-def default_joint_array(spec: RobotSpec) -> np.ndarray:
-    """Return the standing pose as an array [rad], shape [12]."""
-    return np.array(spec.default_joint_position)

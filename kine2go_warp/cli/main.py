@@ -43,7 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         return report(explain(error))
     except KeyboardInterrupt:
-        print("kine2go: interrupted; the same command continues where it stopped", file=sys.stderr)
+        print(
+            "kine2go: interrupted; nothing finished is lost, and training continues from its last checkpoint",
+            file=sys.stderr,
+        )
         return INTERRUPTED
 
 

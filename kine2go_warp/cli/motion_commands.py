@@ -1,6 +1,7 @@
 """The commands that prepare motions: sources, cycles, retarget, bench."""
 
 import json
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -69,16 +70,20 @@ class Retarget:
         solver = InverseKinematics(GO2)
         present = [entry for entry in entries if entry not in missing]
         output = console()
-        results = [
-            retarget(entry, folder, solver, self.config)
-            for entry in track(present, "retargeting", console=output, transient=True, disable=not output.is_terminal)
-        ]
-        qualities = [assess(result, GO2) for result in results]
-        faults = {result.clip.name: clip_faults(quality) for result, quality in zip(results, qualities, strict=True)}
-        for result in results:
-            result.clip.save(self.out / f"{result.clip.name}.npz")
+        qualities, failures = [], []
+        for entry in track(present, "retargeting", console=output, transient=True, disable=not output.is_terminal):
+            try:
+                result = retarget(entry, folder, solver, self.config)
+            except Kine2GoError as error:
+                failures.append(f"{entry.name}: {error}")
+                continue
+            result.clip.save(self.out / f"{entry.name}.npz")
             if self.sheets:
-                draw_sheet(result.clip, GO2, self.out / f"{result.clip.name}.png")
+                draw_sheet(result.clip, GO2, self.out / f"{entry.name}.png")
+            qualities.append(assess(result, GO2))
+        if not qualities and failures:
+            raise Kine2GoError("; ".join(failures))
+        faults = {quality.name: clip_faults(quality) for quality in qualities}
         write_json(qualities, faults, self.out / "report.json")
         if self.markdown is not None:
             with atomic_file(self.markdown) as temporary:
@@ -87,7 +92,9 @@ class Retarget:
         if missing:
             files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
             output.print(f"not there: {', '.join(files)}", highlight=False, soft_wrap=True)
-        return 0
+        for failure in failures:
+            print(f"kine2go: error: {failure}", file=sys.stderr)
+        return 2 if failures else 0
 
 
 @dataclass(frozen=True)
@@ -169,6 +176,7 @@ class Sources:
 
         if self.url is None or self.data is None:
             raise CatalogueError("fetch needs --url (where the files are) and --data (the folder to put them in)")
+        self.data.mkdir(parents=True, exist_ok=True)
         wanted = {}
         for entry in entries:
             if check_file(entry, self.data).state in ("missing", "damaged"):
@@ -176,7 +184,7 @@ class Sources:
         output = console()
         for licence, citation in sorted({(entry.licence, entry.citation) for entry in wanted.values()}):
             output.print(f"{licence}: {citation}", highlight=False, soft_wrap=True)
-        if wanted and not self.yes and input("Do you accept these licences? [y/N] ").strip().lower() != "y":
+        if wanted and not self.yes and not accepted_by_user():
             raise CatalogueError("nothing fetched, since the licences were not accepted")
         columns = (TextColumn("{task.description}"), DownloadColumn(), TransferSpeedColumn())
         with Progress(*columns, console=output, disable=not output.is_terminal) as progress:
@@ -188,6 +196,14 @@ class Sources:
                     self.data,
                     lambda done, total, task=task: progress.update(task, completed=done, total=total or None),
                 )
+
+
+def accepted_by_user() -> bool:
+    """Ask whether the licences are accepted. Without anybody to answer they are not."""
+    try:
+        return input("Do you accept these licences? [y/N] ").strip().lower() == "y"
+    except EOFError:
+        return False
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def motion_names(path: Path) -> list[str]:
     if not (path / "zarr.json").is_file():
         raise DatasetError(f"{path}: no dataset here; make one with 'kine2go gather' or 'kine2go run'")
     check_version(path)
-    return sorted(zarr.open_group(path, mode="r", use_consolidated=False).group_keys())
+    return sorted(folder.parent.name for folder in path.glob("*/zarr.json"))
 
 
 def read_motion(path: Path, motion: str) -> MotionData:
@@ -46,7 +46,10 @@ def read_motion(path: Path, motion: str) -> MotionData:
     names = motion_names(path)
     if motion not in names:
         raise DatasetError(f"{path}: holds no motion '{motion}'; it has: {', '.join(names) or 'none'}")
-    group = zarr.open_group(path / motion, mode="r")
+    try:
+        group = zarr.open_group(path / motion, mode="r")
+    except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
+        raise DatasetError(f"{path}/{motion}: cannot be read ({error.__class__.__name__})") from None
 
     def read(name: str) -> NDArray:
         try:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import shutil
 import warnings
 from collections.abc import Mapping
@@ -72,15 +73,16 @@ class DatasetWriter:
 
     def motions(self) -> list[str]:
         """Return the names of the motions in the store."""
-        if not self.path.exists():
-            return []
-        return sorted(zarr.open_group(self.path, mode="r", use_consolidated=False).group_keys())
+        return sorted(folder.parent.name for folder in self.path.glob("*/zarr.json"))
 
     def attributes(self, motion: str) -> dict[str, Any]:
-        """Return the attributes of a motion, empty if it is not there."""
+        """Return the attributes of a motion, empty if it is not there or damaged."""
         if not (self.path / motion / "zarr.json").is_file():
             return {}
-        return dict(zarr.open_group(self.path / motion, mode="r").attrs)
+        try:
+            return dict(zarr.open_group(self.path / motion, mode="r").attrs)
+        except Exception:  # noqa: BLE001 - damaged metadata raises errors of many kinds
+            return {}
 
     def write(
         self, motion: str, trajectories: Trajectories, simulation: SimulationAttributes, attributes: Mapping[str, Any]
@@ -96,7 +98,7 @@ class DatasetWriter:
         Raises:
             DatasetError: the dataset holds motions that were simulated otherwise.
         """
-        self._check_simulation(motion, simulation)
+        self.check(motion, simulation)
         staging = self._staging(motion)
         shutil.rmtree(staging, ignore_errors=True)
         frame_duration = 1.0 / simulation.control_frequency
@@ -109,12 +111,18 @@ class DatasetWriter:
         finally:
             shutil.rmtree(staging, ignore_errors=True)
 
-    def _check_simulation(self, motion: str, simulation: SimulationAttributes) -> None:
-        """Check that a motion was simulated like those that are there."""
+    def check(self, motion: str, simulation: SimulationAttributes) -> None:
+        """Check that a motion was simulated like those that are there, with the same robot.
+
+        Raises:
+            DatasetError: it was not.
+        """
         if not set(self.motions()) - {motion}:
             return
         known = zarr.open_group(self.path, mode="r", use_consolidated=False).attrs
-        for name, value in asdict(simulation).items():
+        robot = robot_attributes(self.spec)
+        shared = {name: robot[name] for name in ("robot_model_sha256", "action_scale", "default_joint_position")}
+        for name, value in {**shared, **asdict(simulation)}.items():
             if known.get(name) != value:
                 raise DatasetError(
                     f"{self.path}: holds motions with {name} {known.get(name)}, and {motion} has {value}; "
@@ -123,8 +131,13 @@ class DatasetWriter:
 
     def _write_root(self, simulation: SimulationAttributes) -> None:
         """Write the root's attributes, without the index of all arrays, which would not know of a change."""
-        group = zarr.open_group(self.path, mode="a", zarr_format=3, use_consolidated=False)
-        group.attrs.update({**robot_attributes(self.spec), **asdict(simulation)})
+        attributes = {**robot_attributes(self.spec), **asdict(simulation)}
+        if not self.path.exists():
+            staging = self._staging("root")
+            shutil.rmtree(staging, ignore_errors=True)
+            zarr.open_group(staging, mode="w", zarr_format=3).attrs.update(attributes)
+            staging.rename(self.path)
+        zarr.open_group(self.path, mode="a", zarr_format=3, use_consolidated=False).attrs.update(attributes)
         metadata = json.loads((self.path / "zarr.json").read_text())
         metadata.pop("consolidated_metadata", None)
         with atomic_file(self.path / "zarr.json") as temporary:
@@ -136,7 +149,7 @@ class DatasetWriter:
 
     def _staging(self, motion: str) -> Path:
         """Return where a motion is written before it is put in place, on the same file system as the store."""
-        return self.path.with_name(f".tmp-{self.path.name}-{motion}-{os.getpid()}")
+        return self.path.with_name(f".tmp-{self.path.name}-{motion}-{platform.node()}-{os.getpid()}")
 
     def _put_in_place(self, staging: Path, final: Path) -> None:
         """Rename a finished motion into the store."""
@@ -149,10 +162,10 @@ class DatasetWriter:
             staging.rename(final)
 
     def _discard_leftovers(self) -> None:
-        """Remove what killed processes left beside the store."""
-        for leftover in self.path.parent.glob(f".tmp-{self.path.name}-*"):
+        """Remove what killed processes of this machine left beside the store."""
+        for leftover in self.path.parent.glob(f".tmp-{self.path.name}-*-{platform.node()}-*"):
             pid = leftover.name.rpartition("-")[2]
-            if pid.isdigit() and not Path(f"/proc/{pid}").exists():
+            if pid.isdigit() and not is_running(int(pid)):
                 shutil.rmtree(leftover, ignore_errors=True)
 
     def _write_group(
@@ -179,6 +192,17 @@ class DatasetWriter:
         for array in QUALITY_ARRAYS:
             write_array(quality, array, figures[array.name])
         consolidate(folder)
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process of this machine exists."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:

@@ -200,7 +200,7 @@ class ImitationEnvironment:
                 self.reference_clips,
                 self.placement,
                 self.reference_step,
-                1.0 + action.latency * self.config.control_rate,
+                1.0 + self.config.delay_substeps / self.config.substeps,
                 self.config.motor.damping / self.config.motor.stiffness,
                 action.scale,
                 action.clip,
@@ -312,6 +312,7 @@ class ImitationEnvironment:
             inputs=[
                 *drawn,
                 self.reset_ranges,
+                self.constants.default_position,
                 self.constants.joint_lower,
                 self.constants.joint_upper,
                 self.robot,
@@ -323,7 +324,7 @@ class ImitationEnvironment:
         wp.launch(
             resets.reset_root,
             dim=self.num_worlds,
-            inputs=[*drawn, self.geometry, self.reset_ranges, self.robot, warm_start],
+            inputs=[*drawn, self.geometry, self.reset_ranges, self.robot, self.foot_force, warm_start],
         )
         inputs = [self.done, self.output]
         wp.launch(observations.clear_outputs, dim=(self.num_worlds, NUM_JOINTS), inputs=inputs)

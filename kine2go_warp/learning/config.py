@@ -29,8 +29,8 @@ class TrainConfig:
             on_gpu = device.startswith("cuda") and self.preset == "fast"
             num_worlds = CUDA_WORLDS if on_gpu else preset.env.num_worlds
         iterations = preset.ppo.iterations if self.iterations is None else self.iterations
-        if num_worlds < 1 or iterations < 1:
-            raise PolicyError("num-worlds and iterations must be at least 1")
+        if num_worlds < 1 or iterations < 1 or self.seed < 0:
+            raise PolicyError("num-worlds and iterations must be at least 1, and the seed not negative")
         return Preset(
             env=replace(preset.env, num_worlds=num_worlds, seed=self.seed),
             ppo=replace(preset.ppo, iterations=iterations),

@@ -36,6 +36,12 @@ class PolicyRecord:
         return self.iterations >= self.preset.ppo.iterations
 
 
+def iteration_of(checkpoint: Path) -> int | None:
+    """Return the iteration (from 0) in the name of a checkpoint, none if it is not one of ours."""
+    number = checkpoint.stem.removeprefix("model_")
+    return int(number) if number.isdigit() else None
+
+
 class PolicyFolder:
     """Reads and writes the files of one policy."""
 
@@ -101,7 +107,13 @@ class PolicyFolder:
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
-        return sorted(self.path.glob("model_*.pt"), key=lambda path: int(path.stem.removeprefix("model_")))
+        found = [path for path in self.path.glob("model_*.pt") if iteration_of(path) is not None]
+        return sorted(found, key=lambda path: iteration_of(path) or 0)
+
+    def iterations_done(self) -> int:
+        """Return after how many iterations the newest checkpoint was written, 0 if there is none."""
+        found = self.checkpoints()
+        return (iteration_of(found[-1]) or 0) + 1 if found else 0
 
     def latest_checkpoint(self) -> Path:
         """Return the newest checkpoint.

@@ -38,7 +38,7 @@ def train(
         config: Settings.
         folder: Policy folder. One of the same clips and settings is continued from its newest checkpoint.
         device: Where to train; by default on CUDA where there is one.
-        overwrite: Start anew if the folder holds a policy of other clips or settings.
+        overwrite: Start anew if the folder holds a policy of other clips or settings, which is moved aside.
         on_progress: Called with a ``TrainingProgress`` after each iteration.
 
     Raises:
@@ -48,23 +48,46 @@ def train(
     preset = config.resolve(device)
     fingerprint = training_fingerprint(clips, preset)
     policy = PolicyFolder(folder)
-    record = PolicyRecord(preset, (), fingerprint, 0, 0.0)
-    if policy.exists:
-        known = policy.read_record()
-        if known.fingerprint == fingerprint and known.preset.ppo.iterations <= preset.ppo.iterations:
-            record = replace(known, preset=preset)
-        elif not overwrite:
+    known = known_record(policy, overwrite)
+    if known is not None and known.fingerprint == fingerprint:
+        if known.iterations >= preset.ppo.iterations:
+            return known
+        record = replace(known, preset=preset)
+    else:
+        if policy.exists and not overwrite:
             raise PolicyError(
                 f"{folder}: holds a policy of other clips or settings; choose another folder or pass --overwrite"
             )
-        else:
-            shutil.rmtree(folder)
-    if record.complete:
-        return record
-    folder.mkdir(parents=True, exist_ok=True)
+        set_aside(folder, known.fingerprint if known is not None else "unreadable")
+        folder.mkdir(parents=True)
+        record = PolicyRecord(preset, (), fingerprint, 0, 0.0)
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
     return _run(policy, record, clips, device, on_progress)
+
+
+def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
+    """Return the record of the policy that is there, if any; an unreadable one counts as none if it may go.
+
+    Raises:
+        PolicyError: it cannot be read and may not be overwritten.
+    """
+    if not policy.exists:
+        return None
+    try:
+        return policy.read_record()
+    except PolicyError:
+        if not overwrite:
+            raise
+        return None
+
+
+def set_aside(folder: Path, suffix: str) -> None:
+    """Move a folder that is in the way to a name of its own beside it: hours of training are not for deleting."""
+    if folder.exists():
+        older = folder.with_name(f"{folder.name}.{suffix}")
+        shutil.rmtree(older, ignore_errors=True)
+        folder.rename(older)
 
 
 def _run(
@@ -89,9 +112,11 @@ def _run(
     if policy.checkpoints():
         runner.restore(policy.latest_checkpoint())
     started, before = time.monotonic(), record.seconds
-    runner.train(record.preset.ppo.iterations, on_progress)
+    try:
+        runner.train(record.preset.ppo.iterations, on_progress)
+    finally:
+        record = replace(record, iterations=policy.iterations_done(), seconds=before + time.monotonic() - started)
+        policy.write_record(record)
     for outdated in policy.checkpoints()[:-1]:
         outdated.unlink()
-    record = replace(record, iterations=record.preset.ppo.iterations, seconds=before + time.monotonic() - started)
-    policy.write_record(record)
     return record

@@ -50,7 +50,7 @@ def record_motion(data: MotionData, path: Path, trajectories: int = 3, spec: Rob
         DatasetError: the motion holds no trajectory.
     """
     track = joined_track(data, trajectories)
-    recording = rr.RecordingStream("kine2go", recording_id=data.name)
+    recording = rr.RecordingStream("kine2go", recording_id=f"{data.name}-{data.attributes.get('fingerprint', '')}")
     # Through memory, since the library's own file writer only logs an error when the disk is full.
     memory = recording.memory_recording()
     with recording:

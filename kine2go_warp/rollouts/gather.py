@@ -2,24 +2,31 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp import __version__
 from kine2go_warp.dataset.quality import tracking_quality
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.device import choose_device
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
+from kine2go_warp.motions.catalogue import load_catalogue
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.revision import revision
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
     from kine2go_warp.env.environment import ImitationEnvironment
+
+
+DEFAULT_ROWS = 571
+"""Rows of a trajectory whose motion is not in the catalogue."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,8 @@ class GatherResult:
     accepted: int
     rejected: dict[str, int]
     """Number of rejected rollouts by reason."""
+    fingerprint: str
+    """Hash of policy and settings."""
     is_new: bool
     """Whether the rollouts were run now, rather than found in the dataset."""
 
@@ -56,10 +65,14 @@ def gather(
     """
     record = policy.read_record()
     clip = policy.read_clips(record)[0]
+    config = with_rows(config, clip.name)
     fingerprint = gather_fingerprint(policy, config)
+    env = record.preset.env
+    simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
+    writer.check(clip.name, simulation)
     known = writer.attributes(clip.name)
     if known.get("fingerprint") == fingerprint:
-        return GatherResult(clip.name, known["accepted"], known["rejected"], is_new=False)
+        return GatherResult(clip.name, known["accepted"], known["rejected"], fingerprint, is_new=False)
     device = choose_device(device)
     trajectories, failures = roll_out(policy, record, clip, config, device, on_step)
     reasons = rejections(trajectories, failures, config)
@@ -78,12 +91,21 @@ def gather(
         "gather_settings": to_dictionary(config),
         "training_settings": to_dictionary(record.preset),
         "training_seconds": record.seconds,
+        "training_iterations": record.iterations,
+        "software_version": __version__,
+        "software_revision": revision(),
         "device": device,
     }
-    env = record.preset.env
-    simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
     writer.write(clip.name, trajectories.selected(accepted), simulation, attributes)
-    return GatherResult(clip.name, int(accepted.sum()), rejected, is_new=True)
+    return GatherResult(clip.name, int(accepted.sum()), rejected, fingerprint, is_new=True)
+
+
+def with_rows(config: GatherConfig, motion: str) -> GatherConfig:
+    """Return the settings with a number of rows: that of the catalogue where none is given."""
+    if config.rows is not None:
+        return config
+    entry = load_catalogue().get(motion)
+    return replace(config, rows=entry.length if entry is not None else DEFAULT_ROWS)
 
 
 def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:
@@ -112,15 +134,16 @@ def roll_out(
     from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
     from kine2go_warp.rollouts.recorder import RolloutRecorder
 
+    rows = config.rows or DEFAULT_ROWS
     share_stream(device)
-    environment = ImitationEnvironment([clip], config.environment(record.preset.env), device)
+    environment = ImitationEnvironment([clip], config.environment(record.preset.env, rows), device)
     env = ImitationVecEnv(environment)
     actor = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), config.noise, config.seed)
     recorder = RolloutRecorder(environment)
     draws = read_draws(environment, config)
 
     warm_up = round(config.warm_up * environment.config.control_rate)
-    total = warm_up + config.rows
+    total = warm_up + rows
     reason = wp.to_torch(environment.reason)
     failure = torch.zeros_like(reason)
     survived = torch.zeros_like(reason)
@@ -139,10 +162,10 @@ def roll_out(
     # The action of the row in which a rollout failed led to no state, but the row itself is whole.
     rows_kept = (survived + (failure > 0).int() - warm_up).clamp(min=0)
     draws["length"] = rows_kept.cpu().numpy().astype(np.int32)
-    rows = recorder.rows()
+    recorded = recorder.rows()
     for name in ("root_orientation", "reference_root_orientation"):
-        rows[name] = continuous_quaternions(rows[name])
-    return Trajectories(rows, draws), failure.cpu().numpy()
+        recorded[name] = continuous_quaternions(recorded[name])
+    return Trajectories(recorded, draws), failure.cpu().numpy()
 
 
 def read_draws(environment: "ImitationEnvironment", config: GatherConfig) -> dict[str, NDArray]:

@@ -178,6 +178,16 @@ def test_retargeting_leaves_clips_a_report_and_pictures(tmp_path):
     assert "| `dog_trot` |" in (tmp_path / "table.md").read_text()
 
 
+def test_one_bad_motion_does_not_keep_the_others_from_being_saved(tmp_path):
+    (tmp_path / "data" / "ai4animation").mkdir(parents=True)
+    (tmp_path / "data" / "ai4animation" / "dog_walk00_joint_pos.txt").write_text("no dog\n" * 9)
+    result = kine2go("retarget", "dog_trot", "ai4_dog_pace", "--data", "data", "--out", "clips", cwd=tmp_path)
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "ai4_dog_pace" in result.stderr
+    assert (tmp_path / "clips" / "dog_trot.npz").is_file()
+
+
 def test_bench_measures_both_modes(tmp_path):
     result = kine2go("bench", "retarget", "--repeats", "1", "--json", cwd=tmp_path)
     figures = json.loads(result.stdout)
@@ -198,4 +208,4 @@ def test_an_interruption_ends_with_status_130(monkeypatch, capsys):
 
     monkeypatch.setattr("kine2go_warp.cli.commands.Doctor.run", interrupt)
     assert main(["doctor"]) == 130
-    assert "continues where it stopped" in capsys.readouterr().err
+    assert "nothing finished is lost" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """The store as a consumer meets it: with xarray and nothing of this package."""
 
+import platform
 import subprocess
 import sys
 from dataclasses import replace
@@ -132,7 +133,7 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
 
 
 def test_leftovers_of_a_killed_process_are_removed(store):
-    leftover = store.with_name(f".tmp-{store.name}-one-4194999")
+    leftover = store.with_name(f".tmp-{store.name}-one-{platform.node()}-4194999")
     leftover.mkdir()
     DatasetWriter(store, GO2)
     assert not leftover.exists()
@@ -215,3 +216,16 @@ def test_a_store_appears_with_its_first_motion(tmp_path):
     writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
     assert writer.motions() == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_robot_that_is_another_is_refused(store, rng):
+    other = replace(GO2, action_scale=0.5)
+    with pytest.raises(DatasetError, match="action_scale"):
+        DatasetWriter(store, other).write("three", made_up(rng), SIMULATION, {"rejected": {}})
+
+
+def test_damaged_metadata_of_a_motion_is_named(store):
+    (store / "one" / "zarr.json").write_text("{")
+    with pytest.raises(DatasetError, match="one: cannot be read"):
+        read_motion(store, "one")
+    assert DatasetWriter(store, GO2).attributes("one") == {}

@@ -13,7 +13,7 @@ from kine2go_warp.motions.clip import assemble_clip
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.robots import GO2
 
-STILL = ResetConfig(0.0, 0.0, 0.0, 0.0, 0.0)
+STILL = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")

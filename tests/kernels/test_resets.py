@@ -9,7 +9,7 @@ from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
 from tests.kernels.oracle import reference_at, stacked
 
-STILL = ResetConfig(0.0, 0.0, 0.0, 0.0, 0.0)
+STILL = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def placed(environment):
@@ -53,7 +53,7 @@ def test_phases_and_headings_are_spread_evenly(clip, small_config):
 
 
 def test_no_foot_starts_below_the_floor_and_no_joint_beyond_its_limits(clip, small_config):
-    wild = ResetConfig(0.5, 5.0, 0.4, 1.0, 1.0)
+    wild = ResetConfig(0.8, 0.5, 5.0, 0.4, 1.0, 1.0)
     environment = ImitationEnvironment(
         [clip], replace(small_config, num_worlds=256, reset=wild), "cpu", use_graph=False
     )
@@ -74,3 +74,26 @@ def test_only_worlds_that_are_done_begin_anew(still):
     still._begin_episodes()
     changed = np.any(still.robot.joint_q.numpy() != before, axis=1)
     np.testing.assert_array_equal(changed, np.arange(64) % 2 == 1)
+
+
+def test_some_episodes_begin_standing_where_the_reference_is(clip, small_config):
+    half = replace(STILL, reference_probability=0.7)
+    environment = ImitationEnvironment(
+        [clip], replace(small_config, num_worlds=512, reset=half), "cpu", use_graph=False
+    )
+    joint_q, joint_qd = environment.robot.joint_q.numpy(), environment.robot.joint_qd.numpy()
+    standing = np.all(joint_q[:, 7:] == np.float32(GO2.default_joint_position), axis=1)
+    assert 0.2 < standing.mean() < 0.4
+    assert not joint_qd[standing].any()
+    np.testing.assert_allclose(joint_q[standing, :2], 0.0, atol=2e-6)
+    np.testing.assert_allclose(joint_q[standing, 3:5], 0.0, atol=1e-6, err_msg="level")
+    expected = placed(environment).yaw[standing]
+    yaw = 2.0 * np.arctan2(joint_q[standing, 5], joint_q[standing, 6])
+    np.testing.assert_allclose(np.cos(yaw - expected), 1.0, atol=1e-5)
+
+
+def test_a_new_episode_begins_without_the_forces_of_the_last(still):
+    still.foot_force.fill_(7.0)
+    still.done.fill_(1)
+    still._begin_episodes()
+    assert not still.foot_force.numpy().any()

@@ -44,3 +44,13 @@ def test_the_sign_of_a_quaternion_changes_nothing(rng):
     robot.quaternion = -robot.quaternion
     flipped, _ = kernel_rewards(robot, reference, np.ones(5))
     np.testing.assert_allclose(flipped, expected, rtol=1e-6)
+
+
+def test_a_state_that_is_not_finite_earns_nothing(rng):
+    reference = random_states(rng, 4)
+    robot = near(rng, reference, 0.05)
+    robot.joint[1, 3], robot.position[2, 0], robot.joint_speed[3, 11] = np.nan, np.inf, np.nan
+    terms, total = kernel_rewards(robot, reference, np.ones(5))
+    assert total[0] > 0.0
+    np.testing.assert_array_equal(total[1:], 0.0)
+    np.testing.assert_array_equal(terms[1:], 0.0)

@@ -41,6 +41,8 @@ def test_an_interrupted_training_continues_from_its_checkpoint(clip, tmp_path):
         train([clip], config, folder, "cpu", on_progress=stop_at_22)
     policy = PolicyFolder(folder)
     assert not policy.read_record().complete
+    assert policy.read_record().iterations == 21
+    assert policy.read_record().seconds > 0.0
     assert policy.latest_checkpoint().name == "model_20.pt"
     seen = []
     record = train([clip], config, folder, "cpu", on_progress=seen.append)
@@ -57,8 +59,37 @@ def test_a_folder_of_other_settings_is_not_overwritten_unasked(clip, tmp_path):
     with pytest.raises(PolicyError, match="--overwrite"):
         train([clip], replace(TINY, seed=5), folder, "cpu")
     assert PolicyFolder(folder).checkpoint_hash() == before
+    old = PolicyFolder(folder).read_record().fingerprint
     train([clip], replace(TINY, seed=5), folder, "cpu", overwrite=True)
     assert PolicyFolder(folder).checkpoint_hash() != before
+    assert PolicyFolder(folder.with_name(f"policy.{old}")).checkpoint_hash() == before, "moved aside, not deleted"
+
+
+def test_checkpoints_of_a_policy_that_is_gone_are_not_continued(clip, tmp_path):
+    """As after a kill between the removal of a record and that of its checkpoints."""
+    folder = tmp_path / "policy"
+    train([clip], TINY, folder, "cpu")
+    (folder / "policy.json").unlink()
+    seen = []
+    train([clip], replace(TINY, seed=3), folder, "cpu", on_progress=seen.append)
+    assert [state.iteration for state in seen] == [1, 2]
+
+
+def test_fewer_iterations_than_are_done_change_nothing(clip, tmp_path):
+    folder = tmp_path / "policy"
+    train([clip], replace(TINY, iterations=3), folder, "cpu")
+    before = PolicyFolder(folder).checkpoint_hash()
+    assert train([clip], TINY, folder, "cpu", overwrite=True).iterations == 3
+    assert PolicyFolder(folder).checkpoint_hash() == before
+
+
+def test_an_unreadable_record_stops_unless_it_may_be_overwritten(clip, tmp_path):
+    folder = tmp_path / "policy"
+    folder.mkdir()
+    (folder / "policy.json").write_text("{")
+    with pytest.raises(PolicyError, match="cannot be read"):
+        train([clip], TINY, folder, "cpu")
+    assert train([clip], TINY, folder, "cpu", overwrite=True).complete
 
 
 def test_more_iterations_continue_a_finished_policy(clip, tmp_path):

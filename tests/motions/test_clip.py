@@ -1,3 +1,4 @@
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -91,3 +92,23 @@ def test_a_pickle_in_the_file_is_not_run(tmp_path):
     np.savez(path, header=np.array({"a": 1}, dtype=object))
     with pytest.raises(ClipError):
         MotionClip.load(path)
+
+
+def test_a_damaged_clip_is_refused_wherever_the_damage_is(clip, tmp_path, rng):
+    clip.save(tmp_path / "clip.npz")
+    content = (tmp_path / "clip.npz").read_bytes()
+    for _ in range(100):
+        damaged = bytearray(content)
+        for place in rng.integers(0, len(content), 3):
+            damaged[place] ^= int(rng.integers(1, 256))
+        (tmp_path / "clip.npz").write_bytes(bytes(damaged))
+        with contextlib.suppress(ClipError):
+            MotionClip.load(tmp_path / "clip.npz")
+
+
+def test_a_clip_of_another_format_says_what_to_do(clip, tmp_path, monkeypatch):
+    monkeypatch.setattr("kine2go_warp.motions.clip.FORMAT_VERSION", 1)
+    clip.save(tmp_path / "clip.npz")
+    monkeypatch.undo()
+    with pytest.raises(ClipError, match="clip format 1, expected 2; retarget it again"):
+        MotionClip.load(tmp_path / "clip.npz")

@@ -61,7 +61,7 @@ def contents(folder: Path):
     return {
         path: (path.stat().st_mtime_ns, path.read_bytes())
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name not in ("recipe.json", "zarr.json")
+        if path.is_file() and path.name not in ("recipe.json", "zarr.json", "policy.json")
     }
 
 
@@ -99,3 +99,23 @@ def test_an_unknown_motion_or_missing_data_folder_stops_before_anything_is_writt
     with pytest.raises(CatalogueError):
         run(replace(TINY, motions=("dog_trot", motion)), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_recording_that_shows_other_rollouts_is_made_again(tmp_path):
+    run(TINY, tmp_path)
+    recording = Workspace(tmp_path).recording("dog_trot")
+    before = recording.read_bytes()
+    # As after a kill between gathering and recording: the dataset is new, the recording is not.
+    other = replace(TINY, gather=replace(TINY.gather, seed=9), record=RecordConfig(trajectories=0))
+    run(other, tmp_path)
+    assert recording.read_bytes() == before
+    run(replace(other, record=TINY.record), tmp_path)
+    assert recording.read_bytes() != before
+
+
+def test_a_damaged_clip_in_the_workspace_is_made_again(finished):
+    folder, *_ = finished
+    Workspace(folder).clip("dog_trot").write_bytes(b"damaged")
+    result, _ = run(TINY, folder)
+    assert result.failed == ()
+    assert not result.finished[0].is_new

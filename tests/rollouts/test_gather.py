@@ -11,7 +11,7 @@ from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.gather import gather
+from kine2go_warp.rollouts.gather import gather, with_rows
 
 # A policy after three iterations drifts far; these limits keep most of its rollouts.
 LOOSE = GatherConfig(trajectories=6, rows=40, max_distance=3.0, max_angle=3.0, max_joint_rmse=10.0)
@@ -141,7 +141,17 @@ def test_rollouts_whose_joints_are_off_are_rejected_with_a_reason(policy, tmp_pa
         gather(policy, writer, replace(LOOSE, max_joint_rmse=1e-6), "cpu")
 
 
-@pytest.mark.parametrize("changes", [{"trajectories": 0}, {"rows": 1}, {"noise": -1.0}, {"warm_up": -0.1}])
+def test_rows_are_those_of_the_papers_table_unless_given():
+    config = GatherConfig()
+    assert with_rows(config, "ai4_dog_synth_circle_walk").rows == 1171
+    assert with_rows(config, "ai4_dog_synth_half_flip_jump").rows == 300
+    assert with_rows(config, "my_own_clip").rows == 571
+    assert with_rows(replace(config, rows=40), "ai4_dog_pace").rows == 40
+
+
+@pytest.mark.parametrize(
+    "changes", [{"seed": -1}, {"trajectories": 0}, {"rows": 1}, {"noise": -1.0}, {"warm_up": -0.1}]
+)
 def test_impossible_settings_are_refused(changes):
     with pytest.raises(DatasetError):
         GatherConfig(**changes)
