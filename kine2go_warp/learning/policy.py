@@ -1,7 +1,7 @@
 """The folder of a policy: checkpoints, the clips that it tracks, and how it was trained."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,9 @@ class PolicyFolder:
         return self.record_file.is_file()
 
     def write_record(self, record: PolicyRecord) -> None:
-        """Write ``policy.json``."""
+        """Write ``policy.json``, with the table of what the policy observes."""
+        from kine2go_warp.env.observations import observation_layout
+
         values: dict[str, Any] = {
             "format_version": FORMAT_VERSION,
             "software_version": __version__,
@@ -68,6 +70,7 @@ class PolicyFolder:
             "iterations": record.iterations,
             "seconds": record.seconds,
             "preset": to_dictionary(record.preset),
+            "observation": [asdict(field) for field in observation_layout(record.preset.env)],
         }
         with atomic_file(self.record_file) as temporary:
             temporary.write_text(json.dumps(values, indent=2) + "\n")

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import pytest
@@ -18,6 +19,9 @@ def test_training_leaves_a_folder_that_stands_on_its_own(policy, clip):
     assert record.iterations == 3
     assert [path.name for path in policy.checkpoints()] == ["model_2.pt"]
     assert policy.read_clips(record)[0].content_hash() == clip.content_hash()
+    table = json.loads(policy.record_file.read_text())["observation"]
+    assert table[0]["name"] == "down_b[t]"
+    assert table[-1]["stop"] == 219
     assert any(path.name.startswith("events.out") for path in policy.path.iterdir()), "a TensorBoard log"
     assert not list(policy.path.glob(".tmp-*"))
 
