@@ -58,8 +58,9 @@ def train(
             raise PolicyError(
                 f"{folder}: holds a policy of other clips or settings; choose another folder or pass --overwrite"
             )
-        set_aside(folder, known.fingerprint if known is not None else "unreadable")
-        folder.mkdir(parents=True)
+        if policy.exists or policy.checkpoints():
+            set_aside(folder, known.fingerprint if known is not None else "unreadable")
+        folder.mkdir(parents=True, exist_ok=True)
         record = PolicyRecord(preset, (), fingerprint, 0, 0.0)
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
@@ -83,11 +84,10 @@ def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
 
 
 def set_aside(folder: Path, suffix: str) -> None:
-    """Move a folder that is in the way to a name of its own beside it: hours of training are not for deleting."""
-    if folder.exists():
-        older = folder.with_name(f"{folder.name}.{suffix}")
-        shutil.rmtree(older, ignore_errors=True)
-        folder.rename(older)
+    """Move a policy folder that is in the way to a name of its own beside it: hours of training are not for deleting."""
+    older = folder.with_name(f"{folder.name}.{suffix}")
+    shutil.rmtree(older, ignore_errors=True)
+    folder.rename(older)
 
 
 def _run(

@@ -141,3 +141,12 @@ def test_a_damaged_record_is_refused(tmp_path, content):
 def test_a_folder_without_a_policy_says_how_to_make_one(tmp_path):
     with pytest.raises(PolicyError, match="kine2go train"):
         PolicyFolder(tmp_path).read_record()
+
+
+def test_a_folder_with_files_of_the_users_is_left_in_place(clip, tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("keep me")
+    train([clip], TINY, folder, "cpu")
+    assert (folder / "notes.txt").read_text() == "keep me"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
