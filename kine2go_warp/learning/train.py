@@ -84,7 +84,7 @@ def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
 
 
 def set_aside(folder: Path, suffix: str) -> None:
-    """Move a policy folder that is in the way to a name of its own beside it: hours of training are not for deleting."""
+    """Move a policy folder that is in the way to a name beside it: hours of training are not for deleting."""
     older = folder.with_name(f"{folder.name}.{suffix}")
     shutil.rmtree(older, ignore_errors=True)
     folder.rename(older)
