@@ -103,8 +103,8 @@ class Cycles:
 
     file: Positional[Path]
     """A motion file (for Solo8: file.pt:K)."""
-    source: Literal["ai4animation", "vhdc", "solo8"] = "ai4animation"
-    """Which reader the file needs."""
+    source: str = "ai4animation"
+    """Which reader the file needs: ai4animation, vhdc or solo8."""
     shortest: float = 0.35
     """Shortest cycle [s]."""
     longest: float = 3.0
