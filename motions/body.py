@@ -52,6 +52,11 @@ def height_bounds(spec: RobotSpec, position: Array, orientation: Array, feet: Ar
     return np.stack([(lowest - above).max(axis=1), (highest - above).min(axis=1)], axis=1)
 
 
+def ramp_frames(frame_duration: float) -> int:
+    """Return over how many frames the base gives way to a limit."""
+    return max(round(RAMP / frame_duration), 1)
+
+
 def smooth_shift(needed: Array, frames: int) -> Array:
     """Return a smooth curve at or beyond what is needed, all of one sign.
 
@@ -70,7 +75,7 @@ def fit_height(
 ) -> Array:
     """Return root positions raised or lowered, smoothly and as little as needed, so that legs keep off their limits."""
     fitted = position.copy()
-    frames = max(round(RAMP / frame_duration), 1)
+    frames = ramp_frames(frame_duration)
     for side in (1, 0):
         bound = height_bounds(spec, fitted, orientation, feet, config.knee_margin)[:, side]
         needed = np.minimum(bound, 0.0) if side == 1 else np.maximum(bound, 0.0)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from kine2go_warp.motions.rotations import (
     continuous,
@@ -114,7 +115,7 @@ def close_cycle(poses: PoseSequence, blend_frames: int) -> tuple[PoseSequence, C
     tilts = yaw_rotation(-heading(poses.root_orientation)) * to_rotation(poses.root_orientation)
     tilt_seam = (tilts[-1] * tilts[0].inv()).as_rotvec()
     weight = seam_weights(num_frames, blend_frames)[:, None]
-    blended = from_rotation(_rotvec(weight * tilt_seam) * tilts[:-1])
+    blended = from_rotation(Rotation.from_rotvec(weight * tilt_seam) * tilts[:-1])
     turn = heading(poses.root_orientation[:-1]) - heading(blended)
     orientation = continuous(from_rotation(yaw_rotation(turn) * to_rotation(blended)))
     position = poses.root_position[:-1].copy()
@@ -136,10 +137,3 @@ def _fade(distance: Array) -> Array:
     """Return 1 at distance 0, falling smoothly to 0 at distance 1 and beyond."""
     x = np.clip(1.0 - distance, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
-
-
-def _rotvec(vectors: Array):  # noqa: ANN202 - scipy's Rotation, private helper
-    """Return rotations from axis-angle vectors."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vectors)

@@ -15,6 +15,10 @@ from kine2go_warp.robots.kinematics import foot_positions
 Array = NDArray[np.float64]
 
 
+LARGEST_JUMP = 1.5
+"""A seam may be this many normal steps wide."""
+
+
 @dataclass(frozen=True)
 class ClipQuality:
     """Figures of one clip."""
@@ -105,6 +109,16 @@ def swing_clearance(bottom: Array, stance: NDArray[np.bool_]) -> float:
     return float(np.median(heights)) if heights else 0.0
 
 
+def clip_remarks(quality: ClipQuality) -> list[str]:
+    """Return the faults of a clip, and what else its figures need explained."""
+    remarks = clip_faults(quality)
+    if quality.seam_jump > LARGEST_JUMP >= quality.seam_step:
+        remarks.append(f"seam {quality.seam_jump:.2f} mean steps, for it lies in a swing")
+    if quality.slow_down > 1.0:
+        remarks.append(f"slowed by {quality.slow_down:.2f} for the motors")
+    return remarks
+
+
 def clip_faults(quality: ClipQuality) -> list[str]:
     """Return which of the figures that a reference should meet it does not.
 
@@ -116,7 +130,7 @@ def clip_faults(quality: ClipQuality) -> list[str]:
         faults.append(f"penetration {1e3 * quality.penetration:.1f} mm")
     if quality.stance_slip > 0.05:
         faults.append(f"stance slip {quality.stance_slip:.3f} m/s")
-    if min(quality.seam_jump, quality.seam_step) > 1.5:
+    if min(quality.seam_jump, quality.seam_step) > LARGEST_JUMP:
         faults.append(f"seam jump {quality.seam_jump:.2f} mean steps, {quality.seam_step:.2f} of those beside it")
     if abs(quality.path_error) > 0.05:
         faults.append(f"path length off by {100.0 * quality.path_error:.1f} %")

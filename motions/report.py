@@ -17,7 +17,7 @@ COLOURS = ("#d1495b", "#3066be", "#edae49", "#2a9d8f")
 """Front left, front right, rear left, rear right."""
 
 
-def write_json(qualities: Sequence[ClipQuality], faults: dict[str, list[str]], path: Path) -> None:
+def write_json(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]], path: Path) -> None:
     """Write all figures, beside those of other clips that are in the file already."""
     known = {}
     if path.is_file():
@@ -25,7 +25,7 @@ def write_json(qualities: Sequence[ClipQuality], faults: dict[str, list[str]], p
             known = {row["name"]: row for row in json.loads(path.read_text())}
         except (ValueError, TypeError, KeyError):
             known = {}
-    known |= {quality.name: {**asdict(quality), "faults": faults[quality.name]} for quality in qualities}
+    known |= {quality.name: {**asdict(quality), "remarks": remarks[quality.name]} for quality in qualities}
     content = [known[name] for name in sorted(known)]
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n")
@@ -50,10 +50,10 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
 """Headings of the table, and how each cell is written."""
 
 
-def markdown_table(qualities: Sequence[ClipQuality], faults: dict[str, list[str]]) -> str:
+def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]]) -> str:
     """Return all figures as a table in Markdown."""
     headings = [heading for heading, _ in COLUMNS]
-    rows = [[cell(quality) for _, cell in COLUMNS] + ["; ".join(faults[quality.name])] for quality in qualities]
+    rows = [[cell(quality) for _, cell in COLUMNS] + ["; ".join(remarks[quality.name])] for quality in qualities]
     table = [[*headings, "remarks"], ["---"] * (len(COLUMNS) + 1), *rows]
     return "\n".join(f"| {' | '.join(row)} |" for row in table) + "\n"
 

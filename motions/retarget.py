@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.body import fit_height, lowest_body_point, smooth_root, smooth_shift
+from kine2go_warp.motions.body import fit_height, lowest_body_point, ramp_frames, smooth_root, smooth_shift
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
@@ -21,7 +21,7 @@ from kine2go_warp.motions.cycle import (
 )
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
-from kine2go_warp.motions.rotations import heading, turn_planar
+from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
 from kine2go_warp.motions.stance import detect_stance, hold_feet
 from kine2go_warp.motions.targets import PoseTargets, pose_targets
 from kine2go_warp.robots import RobotSpec
@@ -197,7 +197,7 @@ def solve_above_floor(
         if lowest.min() >= 0.0:
             break
         position = position.copy()
-        position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, max(round(0.08 / frame_duration), 1))
+        position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, ramp_frames(frame_duration))
         solved = solver.solve(PoseTargets(time, position, orientation, feet))
     return solved
 
@@ -207,8 +207,7 @@ def cycle_between(solved: RobotTrajectory, first: int, num_frames: int) -> Cycle
     ends = [first, first + num_frames]
     yaw = heading(solved.root_orientation[ends])
     offset = turn_planar(solved.root_position[ends[1]] - solved.root_position[ends[0]], -yaw[0])
-    turn = (yaw[1] - yaw[0] + np.pi) % (2.0 * np.pi) - np.pi
-    return CycleStep(float(offset[0]), float(offset[1]), float(turn))
+    return CycleStep(float(offset[0]), float(offset[1]), float(wrap_angle(yaw[1] - yaw[0])))
 
 
 def slowed_to_motors(clip: MotionClip, spec: RobotSpec) -> MotionClip:

@@ -59,7 +59,7 @@ class Retarget:
         from kine2go_warp.cli.tables import console, print_clips
         from kine2go_warp.files import atomic_file
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-        from kine2go_warp.motions.quality import assess, clip_faults
+        from kine2go_warp.motions.quality import assess, clip_remarks
         from kine2go_warp.motions.report import draw_sheet, markdown_table, write_json
         from kine2go_warp.motions.retarget import retarget
         from kine2go_warp.robots import GO2
@@ -83,12 +83,12 @@ class Retarget:
             qualities.append(assess(result, GO2))
         if not qualities and failures:
             raise Kine2GoError("; ".join(failures))
-        faults = {quality.name: clip_faults(quality) for quality in qualities}
-        write_json(qualities, faults, self.out / "report.json")
+        remarks = {quality.name: clip_remarks(quality) for quality in qualities}
+        write_json(qualities, remarks, self.out / "report.json")
         if self.markdown is not None:
             with atomic_file(self.markdown) as temporary:
-                temporary.write_text(markdown_table(qualities, faults))
-        print_clips(qualities, faults, self.out)
+                temporary.write_text(markdown_table(qualities, remarks))
+        print_clips(qualities, remarks, self.out)
         if missing:
             files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
             output.print(f"not there: {', '.join(files)}", highlight=False, soft_wrap=True)

@@ -54,14 +54,13 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
                 output.print(f"look at it: rerun {path}", highlight=False, soft_wrap=True)
 
 
-def print_clips(qualities: Sequence["ClipQuality"], faults: dict[str, list[str]], folder: Path) -> None:
+def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:
     """Print the figures of retargeted clips."""
     table = Table(title=str(folder), title_justify="left")
     headings = ("clip", "frames", "period", "speed", "residual", "below floor", "slip", "limits", "seam", "remarks")
     for heading in headings:
         table.add_column(heading, justify="left" if heading in ("clip", "remarks") else "right")
     for row in qualities:
-        slowed = [f"slowed by {row.slow_down:.2f} for the motors"] if row.slow_down > 1.0 else []
         table.add_row(
             row.name,
             f"{row.start}-{row.end}",
@@ -72,7 +71,7 @@ def print_clips(qualities: Sequence["ClipQuality"], faults: dict[str, list[str]]
             f"{row.stance_slip:.3f} m/s",
             f"{row.joint_margin:.2f} rad",
             f"{row.seam_jump:.2f}",
-            "; ".join(faults[row.name] + slowed),
+            "; ".join(remarks[row.name]),
         )
     console().print(table)
 

@@ -174,7 +174,7 @@ def test_retargeting_leaves_clips_a_report_and_pictures(tmp_path):
     ]
     report = json.loads((tmp_path / "clips" / "report.json").read_text())
     assert report[0]["name"] == "dog_trot"
-    assert report[0]["faults"] == []
+    assert report[0]["remarks"] == []
     assert (tmp_path / "clips" / "dog_trot.png").read_bytes().startswith(b"\x89PNG")
     assert "| `dog_trot` |" in (tmp_path / "table.md").read_text()
 

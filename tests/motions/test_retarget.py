@@ -13,7 +13,7 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, write_ai4animation
 from kine2go_warp.motions.keypoints import FrameRange
-from kine2go_warp.motions.quality import assess, clip_faults
+from kine2go_warp.motions.quality import assess, clip_faults, clip_remarks
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
@@ -191,6 +191,16 @@ def test_faults_are_named():
         residual=0.05,
     )
     assert len(clip_faults(bad)) == 7
+
+
+def test_what_is_no_fault_but_needs_a_word_is_remarked_on():
+    assert clip_remarks(assess_example()) == []
+    swinging = replace(assess_example(), seam_jump=1.8, seam_step=1.1, slow_down=1.2)
+    assert clip_faults(swinging) == []
+    assert clip_remarks(swinging) == [
+        "seam 1.80 mean steps, for it lies in a swing",
+        "slowed by 1.20 for the motors",
+    ]
 
 
 def assess_example():
