@@ -7,6 +7,22 @@ from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, 
 wp.set_module_options({"enable_backward": False})
 
 
+@wp.struct
+class MotorModel:
+    """The motors of each world."""
+
+    stiffness: wp.array2d(dtype=float)
+    """[N m/rad], shape [num_worlds, 12]."""
+    damping: wp.array2d(dtype=float)
+    """[N m s/rad], shape [num_worlds, 12]."""
+    strength: wp.array2d(dtype=float)
+    """Factor on the torque [-], shape [num_worlds, 12]."""
+    offset: wp.array2d(dtype=float)
+    """What the motor's own angle reads too little [rad], shape [num_worlds, 12]."""
+    delay: wp.array(dtype=int)
+    """Latency [physics substeps], shape [num_worlds]."""
+
+
 @wp.kernel
 def targets_from_default_pose(
     output: wp.array2d(dtype=float),
@@ -48,21 +64,21 @@ def targets_from_reference(
 
 @wp.kernel
 def push_target(
-    joint_target: wp.array2d(dtype=float), control_step: wp.array(dtype=int), queue: wp.array3d(dtype=float)
+    joint_target: wp.array2d(dtype=float), reference_step: wp.array(dtype=int), queue: wp.array3d(dtype=float)
 ):
     """Store the newest joint target in the queue of shape [num_worlds, queue_length, 12]."""
     world, joint = wp.tid()
-    queue[world, control_step[0] % queue.shape[1], joint] = joint_target[world, joint]
+    queue[world, reference_step[world] % queue.shape[1], joint] = joint_target[world, joint]
 
 
 @wp.func
-def delayed_slot(control_step: int, substep: int, substeps: int, delay: int, queue_length: int) -> int:
+def delayed_slot(step: int, substep: int, substeps: int, delay: int, queue_length: int) -> int:
     """Return the place in the queue of the target that rules in this substep.
 
-    A target pushed at control step c rules from ``delay`` substeps after the start of c. ``queue_length * substeps``
+    A target pushed at control step ``step`` rules from ``delay`` substeps after its start. ``queue_length * substeps``
     is added so that the integer division never meets a negative number.
     """
-    now = control_step * substeps + substep - delay + queue_length * substeps
+    now = step * substeps + substep - delay + queue_length * substeps
     return (now // substeps) % queue_length
 
 
@@ -71,24 +87,22 @@ def apply_motor_torque(
     joint_q: wp.array2d(dtype=float),
     joint_qd: wp.array2d(dtype=float),
     queue: wp.array3d(dtype=float),
-    control_step: wp.array(dtype=int),
+    reference_step: wp.array(dtype=int),
     substep: int,
     substeps: int,
-    delay: wp.array(dtype=int),
-    stiffness: wp.array2d(dtype=float),
-    damping: wp.array2d(dtype=float),
+    motors: MotorModel,
     effort: wp.array(dtype=float),
     joint_force: wp.array2d(dtype=float),
     torque: wp.array2d(dtype=float),
 ):
     """Write the clamped PD torque of each motor [N m] into Newton's joint forces and into ``torque``.
 
-    Launched over [num_worlds, 12] before every physics substep. ``delay`` counts substeps.
+    Launched over [num_worlds, 12] before every physics substep.
     """
     world, joint = wp.tid()
-    slot = delayed_slot(control_step[0], substep, substeps, delay[world], queue.shape[1])
-    error = queue[world, slot, joint] - joint_q[world, 7 + joint]
-    demand = stiffness[world, joint] * error - damping[world, joint] * joint_qd[world, 6 + joint]
-    applied = wp.clamp(demand, -effort[joint], effort[joint])
+    slot = delayed_slot(reference_step[world], substep, substeps, motors.delay[world], queue.shape[1])
+    error = queue[world, slot, joint] + motors.offset[world, joint] - joint_q[world, 7 + joint]
+    demand = motors.stiffness[world, joint] * error - motors.damping[world, joint] * joint_qd[world, 6 + joint]
+    applied = wp.clamp(motors.strength[world, joint] * demand, -effort[joint], effort[joint])
     joint_force[world, 6 + joint] = applied
     torque[world, joint] = applied

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from kine2go_warp.kernels.actuation import MotorModel
+from kine2go_warp.kernels.randomization import BaseBody
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, interpolate_joint, reference_root
 from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
 from kine2go_warp.kernels.state import (
@@ -13,6 +15,7 @@ from kine2go_warp.kernels.state import (
     root_orientation,
     root_position,
 )
+from kine2go_warp.kernels.terrain import ground_height
 
 wp.set_module_options({"enable_backward": False})
 
@@ -20,6 +23,8 @@ STATE_SIZE = wp.constant(45)
 """Values of one state: see ``write_state``."""
 TARGET_SIZE = wp.constant(21)
 """Values of one future reference: see ``observe_targets``."""
+PRIVILEGED_SIZE = wp.constant(73)
+"""Values that only the critic sees: see ``observe_privileged``."""
 
 
 @wp.func
@@ -110,3 +115,42 @@ def clear_outputs(done: wp.array(dtype=wp.int64), output: wp.array2d(dtype=float
     world, joint = wp.tid()
     if done[world] != wp.int64(0):
         output[world, joint] = 0.0
+
+
+@wp.kernel
+def observe_privileged(
+    robot: RobotState,
+    placement: Placement,
+    foot_force: wp.array2d(dtype=wp.vec3),
+    motors: MotorModel,
+    base: BaseBody,
+    friction: wp.array(dtype=float),
+    nominal_stiffness: float,
+    nominal_damping: float,
+    weight: float,
+    out: wp.array2d(dtype=float),
+):
+    """Write what no real robot knows, for the critic alone, shape [num_worlds, 73].
+
+    Height of the root above the ground (1) [m]; velocity of the base origin (3) [m/s], angular velocity (3) [rad/s]
+    and forces on the feet (12) [weights of the robot], all in the heading frame; mass added to the base (1) [kg] and
+    shift of its centre of mass (3) [m]; friction (1); factors on stiffness, damping and strength less 1 (36); offset
+    of the joints (12) [rad]; latency (1) [physics substeps].
+    """
+    world = wp.tid()
+    position = root_position(robot, world)
+    to_heading = yaw_rotation(-heading_of(root_orientation(robot, world)))
+    out[world, 0] = position[2] - ground_height(placement.terrain, wp.vec2(position[0], position[1]))
+    write_vector(out, world, 1, wp.quat_rotate(to_heading, root_linear_velocity_w(robot, world)))
+    write_vector(out, world, 4, wp.quat_rotate(to_heading, root_angular_velocity_w(robot, world)))
+    for foot in range(4):
+        write_vector(out, world, 7 + 3 * foot, wp.quat_rotate(to_heading, foot_force[world, foot]) / weight)
+    out[world, 19] = base.mass[world] - base.nominal_mass
+    write_vector(out, world, 20, base.com[world] - base.nominal_com)
+    out[world, 23] = friction[world]
+    for joint in range(12):
+        out[world, 24 + joint] = motors.stiffness[world, joint] / nominal_stiffness - 1.0
+        out[world, 36 + joint] = motors.damping[world, joint] / nominal_damping - 1.0
+        out[world, 48 + joint] = motors.strength[world, joint] - 1.0
+        out[world, 60 + joint] = motors.offset[world, joint]
+    out[world, 72] = float(motors.delay[world])

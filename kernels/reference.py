@@ -7,6 +7,7 @@ grows without bound, and every ``num_frames`` frames the clip has moved on by on
 import warp as wp
 
 from kine2go_warp.kernels.rotations import rotate_planar, slerp, yaw_rotation
+from kine2go_warp.kernels.terrain import Terrain, reference_climb, reference_lift
 
 wp.set_module_options({"enable_backward": False})
 
@@ -51,6 +52,8 @@ class Placement:
     """Turn of the whole reference about the world's z axis [rad]."""
     origin: wp.array(dtype=wp.vec2)
     """Where the clip's own origin lies in the world [m]."""
+    terrain: Terrain
+    """The ground, the same for all worlds."""
 
 
 @wp.struct
@@ -106,7 +109,7 @@ def whole_frame_pose(clips: ReferenceClips, clip: int, frame: int) -> wp.transfo
 
 @wp.func
 def reference_root(clips: ReferenceClips, placement: Placement, world: int, frame: float) -> wp.transform:
-    """Return the reference root pose in the world: positions linear, rotation slerp."""
+    """Return the reference root pose in the world, lifted onto the ground: positions linear, rotation slerp."""
     clip = placement.clip[world]
     whole = int(wp.floor(frame))
     fraction = frame - wp.floor(frame)
@@ -116,7 +119,8 @@ def reference_root(clips: ReferenceClips, placement: Placement, world: int, fram
     rotation = slerp(wp.transform_get_rotation(a), wp.transform_get_rotation(b), fraction)
     heading = placement.heading[world]
     planar = rotate_planar(heading, wp.vec2(position[0], position[1])) + placement.origin[world]
-    return wp.transform(wp.vec3(planar[0], planar[1], position[2]), yaw_rotation(heading) * rotation)
+    height = position[2] + reference_lift(placement.terrain, planar)
+    return wp.transform(wp.vec3(planar[0], planar[1], height), yaw_rotation(heading) * rotation)
 
 
 @wp.func
@@ -147,6 +151,17 @@ def interpolate_turned(
 
 
 @wp.func
+def reference_velocity(
+    clips: ReferenceClips, placement: Placement, world: int, frame: float, position: wp.vec3
+) -> wp.vec3:
+    """Return the velocity of the reference root in the world [m/s], the climb over the ground included."""
+    velocity = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    place = wp.vec2(position[0], position[1])
+    climb = reference_climb(placement.terrain, place, wp.vec2(velocity[0], velocity[1]))
+    return wp.vec3(velocity[0], velocity[1], velocity[2] + climb)
+
+
+@wp.func
 def interpolate_joint(
     clips: ReferenceClips, values: wp.array2d(dtype=float), clip: int, frame: float, joint: int
 ) -> float:
@@ -169,8 +184,10 @@ def sample_reference(
     world = wp.tid()
     clip = placement.clip[world]
     frame = frame_at(clips, placement, world, float(reference_step[world]))
-    reference.root[world] = reference_root(clips, placement, world, frame)
-    reference.linear_velocity[world] = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    root = reference_root(clips, placement, world, frame)
+    position = wp.transform_get_translation(root)
+    reference.root[world] = root
+    reference.linear_velocity[world] = reference_velocity(clips, placement, world, frame, position)
     reference.angular_velocity[world] = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
     for joint in range(12):
         reference.joint_position[world, joint] = interpolate_joint(clips, clips.joint_position, clip, frame, joint)

@@ -3,6 +3,7 @@
 import warp as wp
 
 from kine2go_warp.kernels.kinematics import LegGeometry, foot_position_b
+from kine2go_warp.kernels.phase_sampling import PhaseTable, find_bin
 from kine2go_warp.kernels.reference import (
     Placement,
     ReferenceClips,
@@ -10,9 +11,11 @@ from kine2go_warp.kernels.reference import (
     interpolate_joint,
     interpolate_turned,
     reference_root,
+    reference_velocity,
 )
 from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
 from kine2go_warp.kernels.state import RobotState, com_velocity_w
+from kine2go_warp.kernels.terrain import Terrain, ground_height
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,8 +40,8 @@ class ResetRanges:
 
 @wp.func
 def random_stream(seed: wp.uint32, episode: int, stream: int) -> wp.uint32:
-    """Return a generator of its own for each world, episode and purpose (0 to 7)."""
-    return wp.rand_init(int(seed), 8 * episode + stream)
+    """Return a generator of its own for each world, episode and purpose (0 to 15)."""
+    return wp.rand_init(int(seed), 16 * episode + stream)
 
 
 @wp.func
@@ -61,9 +64,15 @@ def starts_on_reference(seed: wp.uint32, episode: int, probability: float) -> bo
 
 @wp.func
 def place_reference(
-    clips: ReferenceClips, placement: Placement, world: int, clip: int, phase: float, heading: float
+    clips: ReferenceClips,
+    placement: Placement,
+    world: int,
+    clip: int,
+    phase: float,
+    heading: float,
+    place: wp.vec2,
 ) -> float:
-    """Choose clip, start phase and heading of a world, put the reference root above the world's origin.
+    """Choose clip, start phase and heading of a world, put the reference root above a place on the ground [m].
 
     Returns:
         The place in the clip [frames].
@@ -74,14 +83,16 @@ def place_reference(
     placement.origin[world] = wp.vec2(0.0, 0.0)
     frame = frame_at(clips, placement, world, 0.0)
     position = wp.transform_get_translation(reference_root(clips, placement, world, frame))
-    placement.origin[world] = wp.vec2(-position[0], -position[1])
+    placement.origin[world] = place - wp.vec2(position[0], position[1])
     return frame
 
 
 @wp.func
-def lowest_foot(geometry: LegGeometry, robot: RobotState, rotation: wp.quat, world: int) -> float:
-    """Return the height of the lowest point of the foot spheres above the root [m], negative as a rule."""
-    lowest = float(0.0)
+def least_root_height(
+    geometry: LegGeometry, terrain: Terrain, robot: RobotState, place: wp.vec2, rotation: wp.quat, world: int
+) -> float:
+    """Return the height at which the root, above ``place``, has one foot touch the ground and none below it [m]."""
+    least = ground_height(terrain, place)
     for leg in range(4):
         first = 7 + 3 * leg
         foot = foot_position_b(
@@ -91,8 +102,10 @@ def lowest_foot(geometry: LegGeometry, robot: RobotState, rotation: wp.quat, wor
             robot.joint_q[world, first + 1],
             robot.joint_q[world, first + 2],
         )
-        lowest = wp.min(lowest, wp.quat_rotate(rotation, foot)[2] - geometry.foot_radius)
-    return lowest
+        foot_w = wp.quat_rotate(rotation, foot)
+        ground = ground_height(terrain, place + wp.vec2(foot_w[0], foot_w[1]))
+        least = wp.max(least, ground + geometry.foot_radius - foot_w[2])
+    return least
 
 
 @wp.kernel
@@ -102,19 +115,29 @@ def draw_episodes(
     episode: wp.array(dtype=int),
     clips: ReferenceClips,
     placement: Placement,
+    phase_table: PhaseTable,
+    spread: float,
     reference_step: wp.array(dtype=int),
     episode_length: wp.array(dtype=wp.int64),
 ):
-    """Draw clip, phase and heading for every world that is done, and restart its counters."""
+    """Draw clip, phase, heading and place for every world that is done, and restart its counters.
+
+    ``spread`` is half the side of the square in which the episode begins [m].
+    """
     world = wp.tid()
     if done[world] == wp.int64(0):
         return
     episode[world] = episode[world] + 1
     rng = random_stream(seed[world], episode[world], 0)
-    clip = wp.min(int(wp.randf(rng) * float(clips.num_frames.shape[0])), clips.num_frames.shape[0] - 1)
-    phase = wp.randf(rng)
+    phase_bin = find_bin(phase_table, wp.randf(rng))
+    clip = phase_bin // phase_table.bins_per_clip
+    phase = (float(phase_bin - clip * phase_table.bins_per_clip) + wp.randf(rng)) / float(phase_table.bins_per_clip)
+    # Rounding may reach 1, which is the next cycle's beginning.
+    phase = phase - wp.floor(phase)
     heading = wp.randf(rng, -wp.PI, wp.PI)
-    place_reference(clips, placement, world, clip, phase, heading)
+    x = wp.randf(rng, -spread, spread)
+    y = wp.randf(rng, -spread, spread)
+    place_reference(clips, placement, world, clip, phase, heading, wp.vec2(x, y))
     reference_step[world] = 0
     episode_length[world] = wp.int64(0)
 
@@ -187,18 +210,20 @@ def reset_root(
     root = reference_root(clips, placement, world, frame)
     upright = wp.transform_get_rotation(root)
     position = wp.transform_get_translation(root)
-    linear = interpolate_turned(clips, clips.root_linear_velocity, placement, world, frame)
+    linear = reference_velocity(clips, placement, world, frame, position)
     angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
     if not on_reference:
         upright = yaw_rotation(heading_of(upright))
-        position = wp.vec3(position[0], position[1], 0.0)
+        position = wp.vec3(position[0], position[1], -1.0e3)
         linear = wp.vec3(0.0, 0.0, 0.0)
         angular = wp.vec3(0.0, 0.0, 0.0)
     tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
     rotation = wp.normalize(upright * wp.quat_rpy(tilt[0], tilt[1], 0.0))
     robot.joint_q[world, 0] = position[0]
     robot.joint_q[world, 1] = position[1]
-    robot.joint_q[world, 2] = wp.max(position[2], -lowest_foot(geometry, robot, rotation, world))
+    place = wp.vec2(position[0], position[1])
+    least_height = least_root_height(geometry, placement.terrain, robot, place, rotation, world)
+    robot.joint_q[world, 2] = wp.max(position[2], least_height)
     for axis in range(4):
         robot.joint_q[world, 3 + axis] = rotation[axis]
 
@@ -215,12 +240,8 @@ def reset_root(
 
 
 @wp.kernel
-def advance_counters(
-    control_step: wp.array(dtype=int), reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64)
-):
-    """Count one control step. Launched over [num_worlds]; ``control_step`` is shared, shape [1]."""
+def advance_counters(reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64)):
+    """Count one control step. Launched over [num_worlds]."""
     world = wp.tid()
     reference_step[world] = reference_step[world] + 1
     episode_length[world] = episode_length[world] + wp.int64(1)
-    if world == 0:
-        control_step[0] = control_step[0] + 1

@@ -14,9 +14,21 @@ REASON_ROTATION = wp.constant(2)
 REASON_BODY_CONTACT = wp.constant(3)
 REASON_NON_FINITE = wp.constant(4)
 REASON_TIME_OUT = wp.constant(5)
+REASON_OVERFLOW = wp.constant(6)
 
-REASON_NAMES = ("none", "distance", "rotation", "body_contact", "non_finite", "time_out")
+REASON_NAMES = ("none", "distance", "rotation", "body_contact", "non_finite", "time_out", "overflow")
 """Names of the reasons, indexed by the numbers above."""
+
+REASON_DESCRIPTIONS = (
+    "the episode goes on",
+    "the root is too far from its reference",
+    "the root is turned too far from its reference",
+    "base or head touches the ground",
+    "a coordinate is not a finite number",
+    "the episode has reached its longest time; the only end that is bootstrapped",
+    "the solver had more contacts or constraints than its buffers hold, and dropped some",
+)
+"""What the reasons mean, indexed likewise."""
 
 
 @wp.kernel
@@ -24,22 +36,29 @@ def terminate(
     robot: RobotState,
     reference: ReferenceState,
     body_contact: wp.array(dtype=int),
+    overflow: wp.array(dtype=int),
+    overflow_mask: int,
     episode_length: wp.array(dtype=wp.int64),
     max_episode_length: wp.int64,
     max_distance: float,
     max_angle: float,
     reason: wp.array(dtype=int),
+    reason_count: wp.array(dtype=int),
     done: wp.array(dtype=wp.int64),
     time_out: wp.array(dtype=wp.bool),
 ):
     """Write why each world's episode ends, 0 if it goes on. Launched over [num_worlds].
 
     A failure is reported before a time-out, since only a time-out may be bootstrapped from the value function.
+    ``overflow`` is the solver's own bit mask, shape [num_worlds]; the bits of ``overflow_mask`` count, and it is
+    cleared. ``reason_count`` counts the ends by reason, shape [number of reasons].
     """
     world = wp.tid()
     why = int(REASON_NONE)
     if not is_finite(robot, world):
         why = REASON_NON_FINITE
+    elif (overflow[world] & overflow_mask) != 0:
+        why = REASON_OVERFLOW
     else:
         root = reference.root[world]
         distance = wp.length(root_position(robot, world) - wp.transform_get_translation(root))
@@ -52,9 +71,11 @@ def terminate(
             why = REASON_ROTATION
         elif episode_length[world] >= max_episode_length:
             why = REASON_TIME_OUT
+    overflow[world] = 0
     reason[world] = why
     time_out[world] = why == REASON_TIME_OUT
     if why != REASON_NONE:
+        wp.atomic_add(reason_count, why, 1)
         done[world] = wp.int64(1)
     else:
         done[world] = wp.int64(0)

@@ -23,3 +23,7 @@ class PolicyError(Kine2GoError):
 
 class DatasetError(Kine2GoError):
     """A dataset cannot be read or written."""
+
+
+class SimulationError(Kine2GoError):
+    """The simulation has failed: too many contacts for its buffers, or numbers that are not finite."""

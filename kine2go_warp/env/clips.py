@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from kine2go_warp.env.terrain import FLAT
 from kine2go_warp.errors import ClipError
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState
 from kine2go_warp.motions.clip import MotionClip
@@ -44,8 +45,9 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
 
 
 def make_placement(num_worlds: int, device: wp.Device) -> Placement:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
-    """Return the place of the reference in each world: clip 0 from its beginning, unturned."""
+    """Return the place of the reference in each world: clip 0 from its beginning, unturned, on level ground."""
     placement = Placement()
+    placement.terrain = FLAT.upload(device)
     placement.clip = wp.zeros(num_worlds, dtype=int, device=device)
     placement.start_phase = wp.zeros(num_worlds, dtype=float, device=device)
     placement.heading = wp.zeros(num_worlds, dtype=float, device=device)

@@ -14,9 +14,10 @@ from kine2go_warp.errors import Kine2GoError
 class ActionConfig:
     """How the policy's output becomes a joint target."""
 
-    form: Literal["default_pose", "reference"] = "default_pose"
+    form: Literal["default_pose", "reference", "joint_target"] = "default_pose"
     """``default_pose``: default pose + scale * output (the paper). ``reference``: the coming reference with its
-    velocity fed forward + scale * output. The recorded action means the same in both."""
+    velocity fed forward + scale * output. ``joint_target``: the output itself, in radians. The recorded action
+    means the same in all."""
     scale: float = 0.25
     """Radians for an output of 1."""
     clip: float = 100.0
@@ -79,6 +80,103 @@ class TerminationConfig:
     """Root orientation from its reference [rad]."""
 
 
+Range = tuple[float, ...]
+"""Least and greatest value of something that is drawn uniformly; empty if it is not drawn."""
+
+
+@dataclass(frozen=True)
+class RandomizationConfig:
+    """What differs between the worlds; everything is off by default. Factors and offsets are drawn for each joint."""
+
+    base_mass: Range = ()
+    """Mass added to the base [kg], drawn when the worlds are made."""
+    base_com: Range = ()
+    """Shift of the base's centre of mass along each axis [m], drawn when the worlds are made."""
+    friction: Range = ()
+    """Coefficient of friction between robot and ground, drawn for each episode."""
+    stiffness: Range = ()
+    """Factor on the stiffness of the motors, drawn for each episode."""
+    damping: Range = ()
+    """Factor on the damping of the motors, drawn for each episode."""
+    strength: Range = ()
+    """Factor on the torque of the motors, drawn for each episode."""
+    motor_offset: Range = ()
+    """Error of the motors' zero angle [rad], drawn for each episode."""
+    latency: Range = ()
+    """Time from an action to its effect at the motors, rounded to physics substeps [s], drawn for each episode."""
+    push_interval: Range = ()
+    """Time between two pushes [s], drawn for each push."""
+    push_speed: Range = ()
+    """Horizontal velocity that a push adds to the base [m/s], its direction being random, drawn for each push."""
+
+    def __post_init__(self) -> None:
+        for name, limits in vars(self).items():
+            if len(limits) not in (0, 2) or (limits and not limits[0] <= limits[1]):
+                raise Kine2GoError(f"{name} is {list(limits)}; it must be empty or [least, greatest]")
+        for name in ("friction", "stiffness", "damping", "strength", "latency", "push_interval", "push_speed"):
+            if any(value < 0.0 for value in getattr(self, name)):
+                raise Kine2GoError(f"{name} is {list(getattr(self, name))}; it must not be negative")
+        if bool(self.push_interval) != bool(self.push_speed):
+            raise Kine2GoError("push_interval and push_speed are needed together")
+
+    def chosen(self, name: str, otherwise: float) -> tuple[float, float]:
+        """Return the range of a quantity, one value alone if it is not drawn."""
+        limits = getattr(self, name)
+        return (limits[0], limits[1]) if limits else (otherwise, otherwise)
+
+
+@dataclass(frozen=True)
+class PhaseSamplingConfig:
+    """Where in a clip episodes begin: everywhere alike by default, or more often where the robot fails."""
+
+    bins: int = 20
+    """Stretches into which each clip is cut."""
+    uniform_share: float = 1.0
+    """Share of episodes that begin anywhere alike; the others begin where failures are frequent."""
+    memory: float = 0.998
+    """What is left of a count after one control step."""
+    lookback: float = 0.25
+    """Time before a failure at which its cause is presumed [s]."""
+
+    def __post_init__(self) -> None:
+        if self.bins < 1 or not 0.0 <= self.uniform_share <= 1.0 or not 0.0 <= self.memory < 1.0 or self.lookback < 0.0:
+            raise Kine2GoError(
+                "phase sampling needs bins >= 1, 0 <= uniform_share <= 1, 0 <= memory < 1, lookback >= 0"
+            )
+
+    @property
+    def is_weighted(self) -> bool:
+        """Whether failures count at all."""
+        return self.uniform_share < 1.0
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """The ground. The reference is lifted onto it."""
+
+    kind: Literal["flat", "waves", "steps", "slopes"] = "flat"
+    """``waves``: crossing sine waves; ``steps``: square plateaus; ``slopes``: ridges with straight flanks."""
+    height: float = 0.06
+    """From the lowest to the highest point [m]; for ``steps`` also the greatest step."""
+    length: float = 2.0
+    """From crest to crest, or the side of a plateau [m]."""
+    spacing: float = 0.1
+    """Between two points of the height field [m]."""
+    spread: float = 5.0
+    """Episodes begin at random within this distance of the middle, along both axes [m]."""
+    seed: int = 1
+    """Seed of the plateaus' heights."""
+
+    def __post_init__(self) -> None:
+        if min(self.height, self.length, self.spacing) <= 0.0 or self.spread < 0.0:
+            raise Kine2GoError("height, length and spacing of the terrain must be positive and spread not negative")
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether a plane is all there is."""
+        return self.kind == "flat"
+
+
 @dataclass(frozen=True)
 class SolverConfig:
     """MuJoCo Warp's constraint solver."""
@@ -115,6 +213,11 @@ class EnvConfig:
     reward: RewardConfig = field(default_factory=RewardConfig)
     reset: ResetConfig = field(default_factory=ResetConfig)
     termination: TerminationConfig = field(default_factory=TerminationConfig)
+    randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
+    phase_sampling: PhaseSamplingConfig = field(default_factory=PhaseSamplingConfig)
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    privileged: bool = False
+    """Give the critic what no real robot knows: contact forces, and what was drawn for the world."""
     solver: SolverConfig = field(default_factory=SolverConfig)
 
     def __post_init__(self) -> None:
@@ -141,5 +244,11 @@ class EnvConfig:
 
     @property
     def delay_substeps(self) -> int:
-        """Action latency in physics substeps."""
+        """Action latency in physics substeps, where it is not drawn."""
         return round(self.action.latency / self.substep_duration)
+
+    @property
+    def delay_range(self) -> tuple[int, int]:
+        """Least and greatest action latency in physics substeps."""
+        least, greatest = self.randomization.chosen("latency", self.action.latency)
+        return round(least / self.substep_duration), round(greatest / self.substep_duration)

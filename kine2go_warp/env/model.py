@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from kine2go_warp.env.config import EnvConfig, SolverConfig
+from kine2go_warp.env.terrain import HeightField
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.kernels.contacts import ROLE_BODY, ROLE_IGNORED, ROLE_LEG
 from kine2go_warp.kernels.kinematics import LegGeometry
@@ -18,8 +19,8 @@ FLOOR_FRICTION = 1e-3
 """Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
 
 
-def build_model(spec: RobotSpec, config: EnvConfig, device: wp.Device) -> newton.Model:
-    """Build a model of ``config.num_worlds`` worlds.
+def build_model(spec: RobotSpec, config: EnvConfig, ground: HeightField, device: wp.Device) -> newton.Model:
+    """Build a model of ``config.num_worlds`` worlds on common ground.
 
     The robot stands in its default pose, which also tells the solver how many contacts to expect.
     """
@@ -27,8 +28,18 @@ def build_model(spec: RobotSpec, config: EnvConfig, device: wp.Device) -> newton
     scene = newton.ModelBuilder()
     for _ in range(config.num_worlds):
         scene.add_world(robot)
-    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION, gap=0.0))
+    surface = newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION, gap=0.0)
+    if config.terrain.is_flat:
+        scene.add_ground_plane(cfg=surface)
+    else:
+        scene.add_shape_heightfield(heightfield=height_field(ground), cfg=surface)
     return scene.finalize(device=device)
+
+
+def height_field(ground: HeightField) -> newton.Heightfield:
+    """Return the ground as Newton takes it."""
+    rows, columns = ground.height.shape
+    return newton.Heightfield(ground.height, rows, columns, ground.half_extent, ground.half_extent)
 
 
 def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:

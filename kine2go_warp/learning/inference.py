@@ -28,7 +28,7 @@ class NoisyPolicy:
             noise: Noise on the outputs, in standard deviations of the policy.
             seed: Seed of the noise.
         """
-        settings = preset.ppo.runner_settings(seed)
+        settings = preset.ppo.runner_settings(seed, preset.env.privileged)
         actor = copy.deepcopy(settings["actor"])
         actor.pop("class_name")
         weights = load_checkpoint(checkpoint, str(env.device))["actor_state_dict"]

@@ -39,8 +39,8 @@ class PpoConfig:
     save_interval: int = 100
     """Iterations between two checkpoints."""
 
-    def runner_settings(self, seed: int) -> dict[str, Any]:
-        """Return the dictionary that RSL-RL's runner takes."""
+    def runner_settings(self, seed: int, privileged: bool = False) -> dict[str, Any]:
+        """Return the dictionary that RSL-RL's runner takes; ``privileged`` gives the critic its own observations."""
         network = {
             "class_name": "MLPModel",
             "hidden_dims": list(self.hidden_sizes),
@@ -54,7 +54,7 @@ class PpoConfig:
             "save_interval": self.save_interval,
             "logger": "tensorboard",
             "check_for_nan": False,
-            "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+            "obs_groups": {"actor": ["policy"], "critic": ["policy", "privileged"] if privileged else ["policy"]},
             "actor": {**network, "distribution_cfg": noise},
             "critic": dict(network),
             "algorithm": {

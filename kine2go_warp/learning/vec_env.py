@@ -34,9 +34,9 @@ class ImitationVecEnv(VecEnv):
         self._observation = wp.to_torch(environment.observation)
         self._reward = wp.to_torch(environment.reward)
         self._reward_terms = wp.to_torch(environment.reward_terms)
-        self._done = wp.to_torch(environment.done)
-        self._time_out = wp.to_torch(environment.time_out)
-        self._episode_length = wp.to_torch(environment.episode_length)
+        self._done = wp.to_torch(environment.episodes.done)
+        self._time_out = wp.to_torch(environment.episodes.time_out)
+        self._episode_length = wp.to_torch(environment.episodes.length)
 
     @property
     def episode_length_buf(self) -> torch.Tensor:  # type: ignore[override]

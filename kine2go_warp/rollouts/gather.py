@@ -144,7 +144,7 @@ def roll_out(
 
     warm_up = round(config.warm_up * environment.config.control_rate)
     total = warm_up + rows
-    reason = wp.to_torch(environment.reason)
+    reason = wp.to_torch(environment.episodes.reason)
     failure = torch.zeros_like(reason)
     survived = torch.zeros_like(reason)
     observation = env.get_observations()
@@ -171,9 +171,9 @@ def roll_out(
 def read_draws(environment: "ImitationEnvironment", config: GatherConfig) -> dict[str, NDArray]:
     """Return how each rollout was drawn, read when it begins."""
     return {
-        "heading": environment.placement.heading.numpy().copy(),
-        "start_phase": environment.placement.start_phase.numpy().copy(),
-        "seed": environment.seed.numpy().copy(),
+        "heading": environment.episodes.placement.heading.numpy().copy(),
+        "start_phase": environment.episodes.placement.start_phase.numpy().copy(),
+        "seed": environment.episodes.seed.numpy().copy(),
         "noise": np.full(environment.num_worlds, config.noise, dtype=np.float32),
     }
 

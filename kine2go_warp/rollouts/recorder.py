@@ -30,20 +30,20 @@ class RolloutRecorder:
 
     def record_state(self) -> None:
         """Record what is known before the policy acts."""
-        environment = self.environment
+        environment, episodes = self.environment, self.environment.episodes
         with wp.ScopedDevice(environment.device):
             wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
             wp.launch(
                 link_states,
                 dim=(environment.num_worlds, 4, 4),
-                inputs=[environment.robot, environment.geometry, *self._links],
+                inputs=[environment.robot, environment.simulation.geometry, *self._links],
             )
-            place = [environment.reference_clips, environment.placement, environment.reference_step]
+            place = [episodes.clips, episodes.placement, episodes.reference_step]
             wp.launch(sample_reference, dim=environment.num_worlds, inputs=[*place, environment.reference])
             wp.launch(
                 record_reference,
                 dim=environment.num_worlds,
-                inputs=[*place, environment.reference, environment.geometry, *self._reference],
+                inputs=[*place, environment.reference, environment.simulation.geometry, *self._reference],
             )
         for name, view in self._views.items():
             self._store(name, view)
@@ -53,7 +53,7 @@ class RolloutRecorder:
         environment = self.environment
         action_config, spec = environment.config.action, environment.spec
         default = torch.tensor(spec.default_joint_position, device=output.device)
-        target = wp.to_torch(environment.joint_target)
+        target = wp.to_torch(environment.motors.joint_target)
         action = (target - default) / spec.action_scale
         limit = action_config.clip
         offset = action_config.scale * (mean_output.clamp(-limit, limit) - output.clamp(-limit, limit))
@@ -100,8 +100,8 @@ class RolloutRecorder:
         buffers = self._root + self._links + self._reference
         arrays: dict[str, wp.array] = dict(zip(root + links + reference, buffers, strict=True))
         arrays["reference_joint_position"] = environment.reference.joint_position
-        arrays["joint_torque"] = environment.torque
-        arrays["foot_contact_force"] = environment.foot_force
+        arrays["joint_torque"] = environment.motors.torque
+        arrays["foot_contact_force"] = environment.simulation.foot_force
         views = {name: wp.to_torch(array) for name, array in arrays.items()}
         views["joint_position"] = wp.to_torch(environment.robot.joint_q)[:, 7:]
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]

@@ -36,7 +36,6 @@ def test_the_captured_graph_follows_eager_execution(clip, small_config):
     config = replace(small_config, num_worlds=64)
     graph = ImitationEnvironment([clip], config, "cuda:0")
     eager = ImitationEnvironment([clip], config, "cuda:0", use_graph=False)
-    eager.restart(config.seed)
     for _ in range(5):
         graph.step()
         eager.step()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from kine2go_warp.kernels.actuation import apply_motor_torque, push_target, targets_from_default_pose
+from kine2go_warp.kernels.actuation import MotorModel, apply_motor_torque, push_target, targets_from_default_pose
 from kine2go_warp.robots import GO2
 
 
@@ -19,7 +19,16 @@ def test_default_pose_targets_clip_the_output(rng):
     np.testing.assert_allclose(target.numpy(), expected, rtol=1e-5, atol=1e-6)
 
 
-def torques(q, qd, target, stiffness, damping):
+def motor_model(stiffness, damping, delay, strength=None, offset=None):
+    model = MotorModel()
+    model.stiffness, model.damping = array(np.float32(stiffness)), array(np.float32(damping))
+    model.strength = array(np.float32(np.ones_like(stiffness) if strength is None else strength))
+    model.offset = array(np.float32(np.zeros_like(stiffness) if offset is None else offset))
+    model.delay = array(delay, int)
+    return model
+
+
+def torques(q, qd, target, stiffness, damping, strength=None, offset=None):
     count = len(q)
     torque = wp.zeros((count, 12), dtype=float, device="cpu")
     force = wp.zeros((count, 18), dtype=float, device="cpu")
@@ -27,12 +36,10 @@ def torques(q, qd, target, stiffness, damping):
         array(np.float32(np.hstack([np.zeros((count, 7)), q]))),
         array(np.float32(np.hstack([np.zeros((count, 6)), qd]))),
         array(np.float32(target[:, None])),
-        array([0], int),
+        array(np.zeros(count), int),
         0,
         4,
-        array(np.zeros(count), int),
-        array(np.float32(stiffness)),
-        array(np.float32(damping)),
+        motor_model(stiffness, damping, np.zeros(count), strength, offset),
         array(np.float32(GO2.joint_effort)),
         force,
         torque,
@@ -54,15 +61,26 @@ def test_torque_is_a_clamped_pd_law_of_each_worlds_own_gains(rng):
     assert np.any(np.abs(torque) == np.float32(GO2.joint_effort)), "the test must reach the limits"
 
 
+def test_strength_scales_the_torque_and_offset_shifts_the_target(rng):
+    q, target = np.float32(rng.normal(0.0, 0.3, (2, 100, 12)))
+    qd = np.float32(rng.normal(0.0, 3.0, (100, 12)))
+    strength, offset = rng.uniform(0.7, 1.3, (100, 12)), rng.uniform(-0.1, 0.1, (100, 12))
+    _, torque = torques(q, qd, target, np.full((100, 12), 40.0), np.full((100, 12), 2.0), strength, offset)
+    demand = strength * (40.0 * (np.float64(target) + offset - q) - 2.0 * np.float64(qd))
+    np.testing.assert_allclose(
+        torque, np.clip(demand, -np.array(GO2.joint_effort), GO2.joint_effort), rtol=1e-5, atol=1e-5
+    )
+
+
 @pytest.mark.parametrize("delay", [0, 1, 4, 5, 8])
 def test_a_target_takes_effect_after_its_delay_in_substeps(delay):
     substeps, length = 4, delay // 4 + 2
     queue = wp.full((1, length, 12), -1.0, dtype=float, device="cpu")
-    control_step = wp.zeros(1, dtype=int, device="cpu")
+    reference_step = wp.zeros(1, dtype=int, device="cpu")
     seen = []
     for step in range(6):
-        control_step.fill_(step)
-        inputs = [wp.full((1, 12), float(step), dtype=float, device="cpu"), control_step, queue]
+        reference_step.fill_(step)
+        inputs = [wp.full((1, 12), float(step), dtype=float, device="cpu"), reference_step, queue]
         wp.launch(push_target, dim=(1, 12), inputs=inputs, device="cpu")
         for substep in range(substeps):
             torque = wp.zeros((1, 12), dtype=float, device="cpu")
@@ -70,12 +88,10 @@ def test_a_target_takes_effect_after_its_delay_in_substeps(delay):
                 wp.zeros((1, 19), dtype=float, device="cpu"),
                 wp.zeros((1, 18), dtype=float, device="cpu"),
                 queue,
-                control_step,
+                reference_step,
                 substep,
                 substeps,
-                array([delay], int),
-                wp.full((1, 12), 1.0, dtype=float, device="cpu"),
-                wp.zeros((1, 12), dtype=float, device="cpu"),
+                motor_model(np.ones((1, 12)), np.zeros((1, 12)), [delay]),
                 array(np.float32(GO2.joint_effort)),
                 wp.zeros((1, 18), dtype=float, device="cpu"),
                 torque,

@@ -14,7 +14,7 @@ STILL = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def placed(environment):
     """What the reference says of the first frame of each world, by the oracle."""
-    placement = environment.placement
+    placement = environment.episodes.placement
     return stacked(
         [
             reference_at(environment.clips[0], float(phase) * environment.clips[0].num_frames, float(heading), origin)
@@ -45,7 +45,7 @@ def test_without_perturbation_the_robot_starts_on_its_reference(still):
 
 def test_phases_and_headings_are_spread_evenly(clip, small_config):
     environment = ImitationEnvironment([clip], replace(small_config, num_worlds=512), "cpu", use_graph=False)
-    phase, heading = environment.placement.start_phase.numpy(), environment.placement.heading.numpy()
+    phase, heading = environment.episodes.placement.start_phase.numpy(), environment.episodes.placement.heading.numpy()
     assert np.all((phase >= 0.0) & (phase < 1.0))
     assert np.histogram(phase, 8, (0.0, 1.0))[0].min() > 30
     assert np.histogram(heading, 8, (-np.pi, np.pi))[0].min() > 30
@@ -70,7 +70,7 @@ def test_no_foot_starts_below_the_floor_and_no_joint_beyond_its_limits(clip, sma
 
 def test_only_worlds_that_are_done_begin_anew(still):
     before = still.robot.joint_q.numpy().copy()
-    still.done.assign(np.arange(64) % 2)
+    still.episodes.done.assign(np.arange(64) % 2)
     still._begin_episodes()
     changed = np.any(still.robot.joint_q.numpy() != before, axis=1)
     np.testing.assert_array_equal(changed, np.arange(64) % 2 == 1)
@@ -93,7 +93,7 @@ def test_some_episodes_begin_standing_where_the_reference_is(clip, small_config)
 
 
 def test_a_new_episode_begins_without_the_forces_of_the_last(still):
-    still.foot_force.fill_(7.0)
-    still.done.fill_(1)
+    still.simulation.foot_force.fill_(7.0)
+    still.episodes.done.fill_(1)
     still._begin_episodes()
-    assert not still.foot_force.numpy().any()
+    assert not still.simulation.foot_force.numpy().any()

@@ -5,11 +5,13 @@ from kine2go_warp.kernels.terminations import REASON_NAMES, terminate
 from tests.kernels.oracle import near, random_states, upload_reference, upload_robot
 
 
-def reasons(robot, reference, body_contact=None, length=None, joint_q=None, max_distance=1.0, max_angle=1.5708):
+def reasons(robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, max_distance=1.0):
     count = len(robot.position)
     state = upload_robot(robot, np.zeros(3))
     if joint_q is not None:
         state.joint_q.assign(np.float32(joint_q))
+    flags = wp.array(np.int32(np.zeros(count) if overflow is None else overflow), dtype=int, device="cpu")
+    counts = wp.zeros(len(REASON_NAMES), dtype=int, device="cpu")
     reason = wp.zeros(count, dtype=int, device="cpu")
     done = wp.zeros(count, dtype=wp.int64, device="cpu")
     time_out = wp.zeros(count, dtype=wp.bool, device="cpu")
@@ -17,11 +19,14 @@ def reasons(robot, reference, body_contact=None, length=None, joint_q=None, max_
         state,
         upload_reference(reference),
         wp.array(np.int32(np.zeros(count) if body_contact is None else body_contact), dtype=int, device="cpu"),
+        flags,
+        1,
         wp.array(np.int64(np.zeros(count) if length is None else length), dtype=wp.int64, device="cpu"),
         1200,
         max_distance,
-        max_angle,
+        1.5708,
         reason,
+        counts,
         done,
         time_out,
     ]
@@ -29,6 +34,9 @@ def reasons(robot, reference, body_contact=None, length=None, joint_q=None, max_
     names = [REASON_NAMES[index] for index in reason.numpy()]
     np.testing.assert_array_equal(done.numpy() > 0, [name != "none" for name in names])
     np.testing.assert_array_equal(time_out.numpy(), [name == "time_out" for name in names])
+    expected = [names.count(name) if name != "none" else 0 for name in REASON_NAMES]
+    np.testing.assert_array_equal(counts.numpy(), expected, err_msg="every end is counted once")
+    assert not flags.numpy().any(), "the solver's flags are cleared"
     return names
 
 
@@ -53,3 +61,8 @@ def test_a_state_that_is_not_finite_is_found_wherever_it_is(rng):
     joint_q = upload_robot(robot, np.zeros(3)).joint_q.numpy()
     joint_q[np.arange(19), np.arange(19)] = np.where(np.arange(19) % 2, np.nan, np.inf)
     assert reasons(robot, robot, joint_q=joint_q) == ["non_finite"] * 19
+
+
+def test_an_overflow_of_the_solver_ends_the_episode_but_a_warning_that_does_not_count_does_not(rng):
+    robot = random_states(rng, 3)
+    assert reasons(robot, robot, overflow=[0, 1, 2]) == ["none", "overflow", "none"]

@@ -8,8 +8,8 @@ def test_tensors_share_their_memory_with_the_environment(environment):
     env = ImitationVecEnv(environment)
     _, reward, done, extras = env.step(torch.zeros(env.num_envs, 12))
     assert reward.data_ptr() == environment.reward.ptr
-    assert done.data_ptr() == environment.done.ptr
-    assert extras["time_outs"].data_ptr() == environment.time_out.ptr
+    assert done.data_ptr() == environment.episodes.done.ptr
+    assert extras["time_outs"].data_ptr() == environment.episodes.time_out.ptr
 
 
 def test_an_observation_is_not_overwritten_by_the_next_step(environment):
@@ -26,4 +26,4 @@ def test_assigning_episode_lengths_reaches_the_graph(environment):
     env.episode_length_buf = torch.full((env.num_envs,), int(env.max_episode_length) - 1)
     *_, extras = env.step(torch.zeros(env.num_envs, 12))
     assert bool(extras["time_outs"].all())
-    assert int(wp.to_torch(environment.episode_length).max()) == 0
+    assert int(wp.to_torch(environment.episodes.length).max()) == 0

@@ -1,0 +1,80 @@
+"""The motors of all worlds: from the policy's output to joint torques."""
+
+import warp as wp
+
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.model import SpecArrays
+from kine2go_warp.kernels import actuation
+from kine2go_warp.kernels.actuation import MotorModel
+from kine2go_warp.kernels.reference import Placement, ReferenceClips
+
+NUM_JOINTS = 12
+
+
+class Motors:
+    """Joint targets, their latency, and the torques that follow from them."""
+
+    def __init__(self, config: EnvConfig, constants: SpecArrays) -> None:
+        self.config, self.constants = config, constants
+        shape = (config.num_worlds, NUM_JOINTS)
+        self.joint_target = wp.zeros(shape, dtype=float)
+        self.torque = wp.zeros(shape, dtype=float)
+        queue_length = config.delay_range[1] // config.substeps + 2
+        self.target_queue = wp.zeros((config.num_worlds, queue_length, NUM_JOINTS), dtype=float)
+        self.model = MotorModel()
+        self.model.stiffness = wp.full(shape, config.motor.stiffness, dtype=float)
+        self.model.damping = wp.full(shape, config.motor.damping, dtype=float)
+        self.model.strength = wp.full(shape, 1.0, dtype=float)
+        self.model.offset = wp.zeros(shape, dtype=float)
+        self.model.delay = wp.full(config.num_worlds, config.delay_substeps, dtype=int)
+
+    def set_targets(
+        self,
+        output: wp.array,
+        clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        reference_step: wp.array,
+    ) -> None:
+        """Turn the policy's output into joint targets and queue them."""
+        action, shape = self.config.action, self.joint_target.shape
+        if action.form == "default_pose":
+            inputs = [output, self.constants.default_position, action.scale, action.clip, self.joint_target]
+            wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
+        elif action.form == "reference":
+            inputs = [
+                output,
+                clips,
+                placement,
+                reference_step,
+                1.0 + self.config.delay_substeps / self.config.substeps,
+                self.config.motor.damping / self.config.motor.stiffness,
+                action.scale,
+                action.clip,
+                self.joint_target,
+            ]
+            wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
+        else:
+            wp.copy(self.joint_target, output)
+        inputs = [self.joint_target, reference_step, self.target_queue]
+        wp.launch(actuation.push_target, dim=shape, inputs=inputs)
+
+    def apply(
+        self, substep: int, reference_step: wp.array, joint_q: wp.array, joint_qd: wp.array, joint_force: wp.array
+    ) -> None:
+        """Write the torques of a physics substep."""
+        wp.launch(
+            actuation.apply_motor_torque,
+            dim=self.torque.shape,
+            inputs=[
+                joint_q,
+                joint_qd,
+                self.target_queue,
+                reference_step,
+                substep,
+                self.config.substeps,
+                self.model,
+                self.constants.effort,
+                joint_force,
+                self.torque,
+            ],
+        )

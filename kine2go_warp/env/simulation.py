@@ -1,0 +1,106 @@
+"""The physics of all worlds: Newton's model and solver, and the contacts read from it."""
+
+from typing import Any
+
+import mujoco_warp
+import newton
+import warp as wp
+
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.model import (
+    base_com,
+    build_model,
+    build_solver,
+    by_world,
+    geom_roles,
+    host_copy,
+    leg_geometry,
+    silence_iteration_warnings,
+)
+from kine2go_warp.env.motors import Motors
+from kine2go_warp.env.terrain import HeightField
+from kine2go_warp.kernels import contacts
+from kine2go_warp.kernels.state import RobotState
+from kine2go_warp.robots import RobotSpec
+
+OVERFLOW_MASK = int(
+    mujoco_warp.OverflowType.ALL & ~(mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS)
+)
+"""The solver's warnings that mean dropped contacts or constraints; using all iterations is normal in a batch."""
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+
+
+class Simulation:
+    """Steps the physics. States and contacts live in arrays that keep their addresses."""
+
+    def __init__(self, spec: RobotSpec, config: EnvConfig, ground: HeightField, device: wp.Device) -> None:
+        """Build model and solver; all robots stand in the default pose."""
+        self.config, self.num_worlds = config, config.num_worlds
+        self.model = build_model(spec, config, ground, device)
+        self.solver = build_solver(self.model, config.solver)
+        silence_iteration_warnings(self.solver)
+        self.states = (self.model.state(), self.model.state())
+        self.control = self.model.control()
+        self.joint_force = by_world(self.control.joint_f, self.num_worlds)
+        self.coordinates = [
+            (by_world(state.joint_q, self.num_worlds), by_world(state.joint_qd, self.num_worlds))
+            for state in self.states
+        ]
+        self.robot = RobotState()
+        self.robot.joint_q, self.robot.joint_qd = self.coordinates[0]
+        self.robot.com_b = wp.array(base_com(self.model, self.num_worlds), dtype=wp.vec3)
+        self.geometry = leg_geometry(spec, device)
+        self.geom_role = wp.array(geom_roles(self.model, self.solver, spec), dtype=int)
+        self.robot_weight = float(host_copy(self.model.body_mass).sum()) / self.num_worlds * GRAVITY
+        self.foot_force = wp.zeros((self.num_worlds, 4), dtype=wp.vec3)
+        self.body_contact = wp.zeros(self.num_worlds, dtype=int)
+        self.leg_contact = wp.zeros(self.num_worlds, dtype=int)
+
+    @property
+    def data(self) -> Any:
+        """MuJoCo Warp's own arrays."""
+        return self.solver.mjw_data
+
+    @property
+    def warm_start(self) -> wp.array:
+        """What the solver keeps from one step for the next, shape [num_worlds, 18]."""
+        return self.data.qacc_warmstart
+
+    @property
+    def overflow(self) -> wp.array:
+        """The solver's warnings since they were last cleared, bits of ``OVERFLOW_MASK``, shape [num_worlds]."""
+        return self.data.overflow
+
+    def advance(self, motors: Motors, reference_step: wp.array) -> None:
+        """Run the substeps of a control step; an even number of them ends in the state that they began with."""
+        for substep in range(self.config.substeps):
+            now, after = substep % 2, 1 - substep % 2
+            motors.apply(substep, reference_step, *self.coordinates[now], self.joint_force)
+            self.solver.step(self.states[now], self.states[after], self.control, None, self.config.substep_duration)
+
+    def collect_contacts(self) -> None:
+        """Read foot forces and other contacts of the last substep."""
+        data = self.data
+        results = [self.foot_force, self.body_contact, self.leg_contact]
+        wp.launch(contacts.clear_contacts, dim=self.num_worlds, inputs=results)
+        wp.launch(
+            contacts.collect_contacts,
+            dim=data.naconmax,
+            inputs=[
+                data.nacon,
+                data.contact.geom,
+                data.contact.worldid,
+                data.contact.frame,
+                data.contact.friction,
+                data.contact.efc_address,
+                data.efc.force,
+                self.geom_role,
+                *results,
+            ],
+        )
+
+    def inertia_changed(self) -> None:
+        """Tell the solver that masses in the model have changed."""
+        self.solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
