@@ -6,6 +6,9 @@ from collections.abc import Iterator
 
 from kine2go_warp.errors import Kine2GoError
 
+LEAST_WORLDS = 32
+"""Fewer worlds are not worth a process."""
+
 
 def choose_device(name: str | None) -> str:
     """Return the device to use: the one named, or CUDA where there is one, else the CPU.
@@ -23,6 +26,15 @@ def choose_device(name: str | None) -> str:
     if name not in known:
         raise Kine2GoError(f"no device '{name}' on this machine; there is: {', '.join(known)}")
     return name
+
+
+def choose_processes(wanted: int | None, num_worlds: int, device: str) -> int:
+    """Return how many processes to simulate in: those wanted, or one a core on a CPU, one on a GPU."""
+    if wanted is not None:
+        return max(1, min(wanted, num_worlds))
+    if device != "cpu":
+        return 1
+    return max(1, min(len(os.sched_getaffinity(0)), num_worlds // LEAST_WORLDS))
 
 
 def start_warp() -> None:

@@ -15,8 +15,9 @@ from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.motions.catalogue import motion_named
-from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.clip import MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
@@ -44,6 +45,24 @@ def solver() -> InverseKinematics:
 def clip(solver: InverseKinematics) -> MotionClip:
     """The bundled dog trot on the robot."""
     return retarget(motion_named("dog_trot"), None, solver, RetargetConfig()).clip
+
+
+@pytest.fixture(scope="session")
+def standing_clip(clip: MotionClip) -> MotionClip:
+    """A clip of the robot standing in its default pose."""
+    frames = 10
+    return assemble_clip(
+        "standing",
+        1.0 / 60.0,
+        np.tile([0.0, 0.0, GO2.default_root_height], (frames, 1)),
+        np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
+        np.tile(GO2.default_joint_position, (frames, 1)),
+        np.ones((frames, 4)),
+        np.zeros(frames),
+        CycleStep(0.0, 0.0, 0.0),
+        clip.origin,
+        GO2,
+    )
 
 
 @pytest.fixture(scope="session")

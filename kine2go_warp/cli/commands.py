@@ -34,6 +34,10 @@ class Train:
     """cpu or cuda; by default cuda where there is one."""
     overwrite: bool = False
     """Start anew if the folder holds a policy of other clips or settings."""
+    processes: int | None = None
+    """Processes that share the simulation; by default one a core on a CPU, one on a GPU. They change no result."""
+    strict: bool = False
+    """Stop at the first fault of the simulation (full buffers, numbers not finite) and save the state before it."""
     config: TrainConfig = field(default_factory=TrainConfig)
 
     def run(self) -> int:
@@ -54,6 +58,8 @@ class Train:
                 self.device,
                 self.overwrite,
                 lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
+                self.processes,
+                self.strict,
             )
         print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
         return 0

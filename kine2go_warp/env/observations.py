@@ -57,11 +57,13 @@ def observation_layout(config: EnvConfig) -> tuple[ObservationField, ...]:
     """Return what stands where: the states from new to old, then the targets from near to far."""
     blocks = [(f"[t-{age}]" if age else "[t]", STATE_FIELDS) for age in range(config.history_length)]
     blocks += [(f"[t+{ahead}]", TARGET_FIELDS) for ahead in config.steps_ahead]
-    return laid_out([
+    return laid_out(
+        [
             (name + suffix, size, unit, description)
             for suffix, table in blocks
             for name, size, unit, description in table
-        ])
+        ]
+    )
 
 
 def privileged_layout() -> tuple[ObservationField, ...]:

@@ -15,7 +15,7 @@ from rsl_rl.utils.logger import Logger
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import PpoConfig
-from kine2go_warp.learning.vec_env import ImitationVecEnv
+from kine2go_warp.learning.vec_env import BufferedVecEnv
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,13 @@ class TrainingProgress:
     """Mean length of the last 100 episodes [control steps]; NaN before the first one ends."""
     steps_per_second: float
     """Control steps of all worlds in a second, learning included."""
+    faults: int
+    """Episodes that the simulation itself has failed so far: buffers that were too small, numbers not finite."""
 
     def __str__(self) -> str:
         episode = f"{self.episode_length:.0f} steps an episode"
-        return f"reward {self.reward:.2f}, {episode}, {self.steps_per_second:,.0f} steps/s"
+        faults = f", {self.faults} faults of the simulation" if self.faults else ""
+        return f"reward {self.reward:.2f}, {episode}, {self.steps_per_second:,.0f} steps/s{faults}"
 
 
 ProgressCallback = Callable[[TrainingProgress], None]
@@ -44,6 +47,7 @@ class QuietLogger(Logger):
     """Writes to TensorBoard as RSL-RL does, and reports to a callback what RSL-RL would print."""
 
     on_progress: ProgressCallback | None = None
+    count_faults: Callable[[], int] = staticmethod(lambda: 0)
 
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Log one iteration; see ``Logger.log``."""
@@ -58,6 +62,7 @@ class QuietLogger(Logger):
                     reward=statistics.mean(self.rewbuffer) if self.rewbuffer else float("nan"),
                     episode_length=statistics.mean(self.lenbuffer) if self.lenbuffer else float("nan"),
                     steps_per_second=steps / (collect_time + learn_time),
+                    faults=self.count_faults(),
                 )
             )
 
@@ -69,9 +74,12 @@ class QuietLogger(Logger):
 class ImitationRunner(OnPolicyRunner):
     """Trains one policy in a folder of its own."""
 
-    def __init__(self, env: ImitationVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
-        super().__init__(env, config.runner_settings(seed), log_dir=str(folder), device=str(env.device))
+    def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
+        super().__init__(
+            env, config.runner_settings(seed, env.cfg.privileged), log_dir=str(folder), device=str(env.device)
+        )
         self.logger.__class__ = QuietLogger
+        self.logger.count_faults = env.fault_count
 
     def train(self, iterations: int, on_progress: ProgressCallback | None = None) -> None:
         """Train until ``iterations`` are done in total, counting those of a restored checkpoint."""

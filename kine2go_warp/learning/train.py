@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from kine2go_warp.device import choose_device
+from kine2go_warp.device import choose_device, choose_processes
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
@@ -30,6 +30,8 @@ def train(
     device: str | None = None,
     overwrite: bool = False,
     on_progress: Callable[..., None] | None = None,
+    processes: int | None = None,
+    strict: bool = False,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
 
@@ -40,6 +42,8 @@ def train(
         device: Where to train; by default on CUDA where there is one.
         overwrite: Start anew if the folder holds a policy of other clips or settings, which is moved aside.
         on_progress: Called with a ``TrainingProgress`` after each iteration.
+        processes: How many processes share the simulation; by default one a core on a CPU. It changes no result.
+        strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given.
@@ -64,7 +68,8 @@ def train(
         record = PolicyRecord(preset, (), fingerprint, 0, 0.0)
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
-    return _run(policy, record, clips, device, on_progress)
+    processes = 1 if strict else choose_processes(processes, preset.env.num_worlds, device)
+    return _run(policy, record, clips, device, on_progress, processes, strict)
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
@@ -96,19 +101,26 @@ def _run(
     clips: Sequence[MotionClip],
     device: str,
     on_progress: Callable[..., None] | None,
+    processes: int,
+    strict: bool,
 ) -> PolicyRecord:
     """Run PPO from the newest checkpoint on and record how far it came, also when it is interrupted."""
     import torch
 
     from kine2go_warp.env.environment import ImitationEnvironment
+    from kine2go_warp.learning.parallel import ParallelVecEnv
     from kine2go_warp.learning.runner import ImitationRunner
     from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 
     share_stream(device)
     torch.manual_seed(record.preset.env.seed)
-    environment = ImitationEnvironment(clips, record.preset.env, device)
+    if processes > 1:
+        env = ParallelVecEnv(clips, record.preset.env, processes)
+    else:
+        environment = ImitationEnvironment(clips, record.preset.env, device)
+        env = ImitationVecEnv(environment, policy.path if strict else None)
     with contextlib.redirect_stdout(io.StringIO()):
-        runner = ImitationRunner(ImitationVecEnv(environment), record.preset.ppo, policy.path, record.preset.env.seed)
+        runner = ImitationRunner(env, record.preset.ppo, policy.path, record.preset.env.seed)
     if policy.checkpoints():
         runner.restore(policy.latest_checkpoint())
     started, before = time.monotonic(), record.seconds
@@ -117,6 +129,7 @@ def _run(
     finally:
         record = replace(record, iterations=policy.iterations_done(), seconds=before + time.monotonic() - started)
         policy.write_record(record)
+        env.close()
     for outdated in policy.checkpoints()[:-1]:
         outdated.unlink()
     return record

@@ -1,11 +1,16 @@
 """The environment as RSL-RL wants it: torch tensors that share their memory with Warp's arrays."""
 
+from dataclasses import dataclass, fields
+from pathlib import Path
+
 import torch
 import warp as wp
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
+from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.faults import StrictStepper, fault_counts
 from kine2go_warp.kernels.rewards import REWARD_TERMS
 
 
@@ -20,45 +25,119 @@ def share_stream(device: str) -> None:
         wp.set_stream(wp.stream_from_torch(stream), device)
 
 
-class ImitationVecEnv(VecEnv):
-    """Adapts an ``ImitationEnvironment`` to RSL-RL."""
+@dataclass(frozen=True)
+class StepBuffers:
+    """What goes into a step and what comes out of it, the first axis being the world."""
 
-    def __init__(self, environment: ImitationEnvironment) -> None:
-        self.environment = environment
-        self.num_envs = environment.num_worlds
-        self.num_actions = environment.num_joints
-        self.max_episode_length = environment.config.max_episode_length
-        self.device = str(wp.device_to_torch(environment.device))
-        self.cfg = environment.config
-        self._output = wp.to_torch(environment.output)
-        self._observation = wp.to_torch(environment.observation)
-        self._reward = wp.to_torch(environment.reward)
-        self._reward_terms = wp.to_torch(environment.reward_terms)
-        self._done = wp.to_torch(environment.episodes.done)
-        self._time_out = wp.to_torch(environment.episodes.time_out)
-        self._episode_length = wp.to_torch(environment.episodes.length)
+    output: torch.Tensor
+    observation: torch.Tensor
+    privileged: torch.Tensor
+    reward: torch.Tensor
+    reward_terms: torch.Tensor
+    done: torch.Tensor
+    time_out: torch.Tensor
+    episode_length: torch.Tensor
+    reason: torch.Tensor
+
+    @classmethod
+    def views_of(cls, environment: ImitationEnvironment) -> "StepBuffers":
+        """Return tensors that share their memory with an environment's arrays."""
+        episodes = environment.episodes
+        arrays = (
+            environment.output,
+            environment.observation,
+            environment.privileged_observation,
+            environment.reward,
+            environment.reward_terms,
+            episodes.done,
+            episodes.time_out,
+            episodes.length,
+            episodes.reason,
+        )
+        return cls(*(wp.to_torch(array) for array in arrays))
+
+    def rows(self, first: int, count: int) -> "StepBuffers":
+        """Return views of some of the worlds."""
+        return StepBuffers(*(getattr(self, field.name)[first : first + count] for field in fields(self)))
+
+    def copy_results(self, source: "StepBuffers") -> None:
+        """Copy what comes out of a step, also the output, which is cleared where an episode begins."""
+        for field in fields(self):
+            getattr(self, field.name).copy_(getattr(source, field.name))
+
+
+class BufferedVecEnv(VecEnv):
+    """A vectorised environment over step buffers, however they are filled."""
+
+    def __init__(self, config: EnvConfig, num_actions: int, device: str, buffers: StepBuffers) -> None:
+        self.num_envs = config.num_worlds
+        self.num_actions = num_actions
+        self.max_episode_length = config.max_episode_length
+        self.device = device
+        self.cfg = config
+        self.buffers = buffers
+
+    def advance(self) -> None:
+        """Step all worlds, from ``buffers.output`` to the other buffers."""
+        raise NotImplementedError
+
+    def fault_count(self) -> int:
+        """Return how many worlds the simulation itself has failed so far."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Give back what must be given back."""
 
     @property
     def episode_length_buf(self) -> torch.Tensor:  # type: ignore[override]
-        """Control steps since the episode began, shape [num_worlds]; a view of the device's counter."""
-        return self._episode_length
+        """Control steps since the episode began, shape [num_worlds]."""
+        return self.buffers.episode_length
 
     @episode_length_buf.setter
     def episode_length_buf(self, value: torch.Tensor) -> None:
         # RSL-RL assigns a new tensor to spread the time-outs; the captured graph keeps reading the old address.
-        self._episode_length.copy_(value)
+        self.buffers.episode_length.copy_(value)
 
     def get_observations(self) -> TensorDict:
         """Return the present observation.
 
         A copy: RSL-RL stores the tensor only after the next step, which overwrites the environment's buffer.
         """
-        return TensorDict({"policy": self._observation.clone()}, batch_size=[self.num_envs])
+        observations = {"policy": self.buffers.observation.clone()}
+        if self.cfg.privileged:
+            observations["privileged"] = self.buffers.privileged.clone()
+        return TensorDict(observations, batch_size=[self.num_envs])  # pyright: ignore[reportArgumentType]
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Advance all worlds by one control step; see ``VecEnv.step``."""
-        self._output.copy_(actions)
-        self.environment.step()
-        terms = self._reward_terms.mean(dim=0)
+        buffers = self.buffers
+        buffers.output.copy_(actions)
+        self.advance()
+        terms = buffers.reward_terms.mean(dim=0)
         log = {f"Reward/{name}": terms[index] for index, name in enumerate(REWARD_TERMS)}
-        return self.get_observations(), self._reward, self._done, {"time_outs": self._time_out, "log": log}
+        return self.get_observations(), buffers.reward, buffers.done, {"time_outs": buffers.time_out, "log": log}
+
+
+class ImitationVecEnv(BufferedVecEnv):
+    """One ``ImitationEnvironment`` in this process."""
+
+    def __init__(self, environment: ImitationEnvironment, fault_folder: Path | None = None) -> None:
+        """Adapt an environment.
+
+        Args:
+            environment: The environment.
+            fault_folder: If given, stop at the first fault of the simulation and save its state here.
+        """
+        device = str(wp.device_to_torch(environment.device))
+        super().__init__(environment.config, environment.num_joints, device, StepBuffers.views_of(environment))
+        self.environment = environment
+        stepper = environment if fault_folder is None else StrictStepper(environment, fault_folder)
+        self._step = stepper.step
+
+    def advance(self) -> None:
+        """Step all worlds."""
+        self._step()
+
+    def fault_count(self) -> int:
+        """Return how many worlds the simulation itself has failed so far. It waits for the device."""
+        return sum(fault_counts(self.environment).values())

@@ -1,0 +1,74 @@
+"""The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.simulation import Simulation
+from kine2go_warp.robots import RobotSpec
+
+FIRST_DOF = 6
+"""Velocities of the base come first."""
+
+
+def mujoco_model(simulation: Simulation, config: EnvConfig) -> mujoco.MjModel:
+    """Return the model of one world for the C engine, with the same options.
+
+    It is compiled by MuJoCo from what Newton read from the robot's URDF.
+    """
+    model = simulation.solver.mj_model
+    model.opt.timestep = config.substep_duration
+    return model
+
+
+class MujocoRobot:
+    """A robot driven by joint targets, as in the environment: PD law, latency and torque limits.
+
+    States are in the environment's own form: ``joint_q`` (base origin [m], orientation x, y, z, w, joints [rad]),
+    shape [19], and ``joint_qd`` (velocity of the base's centre of mass [m/s] and angular velocity [rad/s], both in the
+    world frame, joint velocities [rad/s]), shape [18].
+    """
+
+    def __init__(self, simulation: Simulation, config: EnvConfig, spec: RobotSpec) -> None:
+        """Make the robot of world 0 of a simulation; motors are those of the settings, nothing being drawn."""
+        self.model = mujoco_model(simulation, config)
+        self.data = mujoco.MjData(self.model)
+        self.config, self.effort = config, np.array(spec.joint_effort)
+        self.com_b = np.array(self.model.body_ipos[1])
+        self.torque = np.zeros(12)
+        self._targets: list[NDArray] = []
+
+    def set_state(self, joint_q: NDArray, joint_qd: NDArray) -> None:
+        """Place the robot; its motors hold the joints where they are."""
+        orientation = Rotation.from_quat(np.asarray(joint_q[3:7], np.float64))
+        angular = np.asarray(joint_qd[3:6], np.float64)
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:3] = joint_q[:3]
+        self.data.qpos[3:7] = np.asarray(joint_q)[[6, 3, 4, 5]]
+        self.data.qpos[7:] = joint_q[7:]
+        self.data.qvel[:3] = joint_qd[:3] - np.cross(angular, orientation.apply(self.com_b))
+        self.data.qvel[3:6] = orientation.inv().apply(angular)
+        self.data.qvel[FIRST_DOF:] = joint_qd[6:]
+        self._targets = [np.asarray(joint_q[7:], np.float64)] * self.config.delay_substeps
+
+    def state(self) -> tuple[NDArray, NDArray]:
+        """Return ``joint_q`` and ``joint_qd``."""
+        orientation = Rotation.from_quat(self.data.qpos[[4, 5, 6, 3]])
+        angular = orientation.apply(self.data.qvel[3:6])
+        linear = self.data.qvel[:3] + np.cross(angular, orientation.apply(self.com_b))
+        joint_q = np.concatenate([self.data.qpos[:3], orientation.as_quat(), self.data.qpos[7:]])
+        return joint_q, np.concatenate([linear, angular, self.data.qvel[FIRST_DOF:]])
+
+    def step(self, joint_target: NDArray) -> None:
+        """Advance by one control step with a joint target [rad], shape [12]."""
+        motor = self.config.motor
+        for _ in range(self.config.substeps):
+            # One target a substep: the first in the queue was commanded the latency ago.
+            self._targets.append(np.asarray(joint_target, np.float64))
+            target = self._targets.pop(0)
+            demand = motor.stiffness * (target - self.data.qpos[7:]) - motor.damping * self.data.qvel[FIRST_DOF:]
+            self.torque = np.clip(demand, -self.effort, self.effort)
+            self.data.qfrc_applied[FIRST_DOF:] = self.torque
+            mujoco.mj_step(self.model, self.data)

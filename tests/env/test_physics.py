@@ -1,0 +1,156 @@
+"""The physics, against what mechanics says and against MuJoCo's C engine."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from kine2go_warp.env.config import ActionConfig, MotorConfig, TerminationConfig
+from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
+from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.robots import GO2
+from tests.env.helpers import STILL, drive
+
+ENDLESS = TerminationConfig(1e3, 10.0)
+
+
+@pytest.fixture(scope="module")
+def target_config(small_config):
+    """The output is the joint target itself, and nothing ends an episode."""
+    return replace(
+        small_config,
+        num_worlds=2,
+        action=ActionConfig("joint_target", latency=0.02),
+        reset=STILL,
+        termination=ENDLESS,
+        episode_time=60.0,
+    )
+
+
+def lift(environment, height):
+    """Raises the robots off the ground."""
+    joint_q = environment.robot.joint_q.numpy()
+    joint_q[:, 2] += height
+    environment.robot.joint_q.assign(joint_q)
+
+
+def test_a_standing_robots_feet_bear_its_weight(standing_clip, small_config):
+    config = replace(small_config, reset=STILL, motor=MotorConfig(60.0, 2.0))
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    for _ in range(120):
+        environment.step()
+    force = environment.simulation.foot_force.numpy()
+    weight = environment.simulation.robot_weight
+    np.testing.assert_allclose(force[..., 2].sum(axis=1), weight, rtol=0.01)
+    assert force[..., 2].min() > 0.1 * weight, "every foot stands"
+    np.testing.assert_allclose(force[..., :2].sum(axis=1), 0.0, atol=0.02 * weight)
+    assert not environment.simulation.body_contact.numpy().any()
+
+
+def test_a_robot_in_the_air_falls_freely(standing_clip, target_config):
+    environment = ImitationEnvironment([standing_clip], target_config, "cpu")
+    lift(environment, 3.0)
+    start = environment.robot.joint_q.numpy()[:, 2].copy()
+    environment.output.assign(np.tile(np.float32(GO2.default_joint_position), (2, 1)))
+    for _ in range(30):
+        environment.step()
+    steps, duration = 30 * target_config.substeps, target_config.substep_duration
+    # Semi-implicit Euler falls by g dt^2 (1 + 2 + ... + n); the motors hold the legs, so that nothing else moves.
+    fallen = GRAVITY * duration**2 * steps * (steps + 1) / 2.0
+    np.testing.assert_allclose(start - environment.robot.joint_q.numpy()[:, 2], fallen, rtol=1e-4)
+    np.testing.assert_allclose(environment.robot.joint_qd.numpy()[:, 2], -GRAVITY * steps * duration, rtol=1e-5)
+    assert not environment.simulation.foot_force.numpy().any()
+
+
+def test_feet_that_slide_resist_with_the_coefficient_of_friction(standing_clip, target_config):
+    config = replace(target_config, motor=MotorConfig(300.0, 5.0), solver=replace(target_config.solver, friction=0.5))
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    environment.output.assign(np.tile(np.float32(GO2.default_joint_position), (2, 1)))
+    for _ in range(30):
+        environment.step()
+    joint_qd = environment.robot.joint_qd.numpy()
+    joint_qd[:, 0] += 1.0
+    environment.robot.joint_qd.assign(joint_qd)
+    for _ in range(3):
+        environment.step()
+    force = environment.simulation.foot_force.numpy().astype(float)
+    foot = force.sum(axis=1)
+    assert environment.robot.joint_qd.numpy()[0, 0] > 0.3, "the robot must still slide"
+    # The friction pyramid's edges lie along the axes of each contact, of which nobody chooses the direction.
+    ratio = np.linalg.norm(foot[:, :2], axis=1) / foot[:, 2]
+    assert np.all((ratio > 0.5 * 0.95) & (ratio < 0.5 * np.sqrt(2.0) + 1e-3)), ratio
+    assert np.all(foot[:, 0] < 0.0), "friction points against the motion"
+
+
+def test_friction_never_leaves_its_pyramid(clip, small_config):
+    steps = drive(ImitationEnvironment([clip], small_config, "cpu"), 60, 5)
+    force = np.stack([step["foot_force"] for step in steps]).astype(float)
+    assert force[..., 2].min() >= 0.0, "the ground never pulls"
+    assert force[..., 2].max() > 50.0
+    tangential = np.linalg.norm(force[..., :2], axis=-1)
+    # A pyramid's corners reach beyond the cone that it stands for, by a factor of sqrt(2) at most.
+    assert np.all(tangential <= np.sqrt(2.0) * small_config.solver.friction * force[..., 2] + 1e-2)
+
+
+def test_torques_never_exceed_the_motors_limits(clip, small_config):
+    environment = ImitationEnvironment([clip], replace(small_config, motor=MotorConfig(500.0, 2.0)), "cpu")
+    torque = np.stack([step["torque"] for step in drive(environment, 20, 3)])
+    assert np.all(np.abs(torque) <= np.float32(GO2.joint_effort))
+    assert np.any(np.abs(torque) == np.float32(GO2.joint_effort)), "the test must reach them"
+
+
+def test_a_joint_answers_a_step_of_its_target_as_a_damped_oscillator(standing_clip, target_config):
+    """In free fall a small step obeys ``I q'' = kp (target - q) - kd q'``, with ``1 / I`` from the mass matrix."""
+    config = replace(target_config, motor=MotorConfig(30.0, 0.6), action=ActionConfig("joint_target", latency=0.0))
+    config = replace(config, substeps=8)
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    lift(environment, 10.0)
+    model, joint, step = mujoco_model(environment.simulation, config), 1, 0.02
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate([[0, 0, 10, 1, 0, 0, 0], GO2.default_joint_position])
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((18, 18))
+    mujoco.mj_fullM(model, data, mass)
+    # The other motors hold their joints with the same law: all joints together are a linear system.
+    inverse = np.linalg.inv(mass)[6:, 6:]
+    target = np.zeros(12)
+    target[joint] = step
+
+    def motion(_time, state):
+        return np.concatenate([state[12:], inverse @ (30.0 * (target - state[:12]) - 0.6 * state[12:])])
+
+    times = np.arange(1, 31) / config.control_rate
+    expected = solve_ivp(motion, (0.0, 0.5), np.zeros(24), t_eval=times, rtol=1e-8, atol=1e-10).y[joint]
+    output = np.tile(np.float32(np.array(GO2.default_joint_position) + target), (2, 1))
+    seen = []
+    for _ in times:
+        environment.output.assign(output)
+        environment.step()
+        seen.append(environment.robot.joint_q.numpy()[0, 7 + joint] - GO2.default_joint_position[joint])
+    assert max(expected) > 1.2 * step, "it must overshoot for the test to tell anything about damping"
+    np.testing.assert_allclose(seen, expected, atol=0.05 * step)
+
+
+def test_the_c_engine_follows_the_same_two_seconds_of_joint_targets(standing_clip, target_config):
+    """The same model, targets and latency in MuJoCo's C engine: within 0.1 mm, 1e-4 rad and 2 mm/s after 2 s."""
+    environment = ImitationEnvironment([standing_clip], target_config, "cpu")
+    robot = MujocoRobot(environment.simulation, target_config, GO2)
+    robot.set_state(environment.robot.joint_q.numpy()[0], environment.robot.joint_qd.numpy()[0])
+    amplitude, offset = np.tile([0.0, 0.25, -0.25], 4), np.repeat([0.0, np.pi, np.pi, 0.0], 3)
+    heights, forces = [], []
+    for step in range(120):
+        swing = amplitude * np.sin(2.0 * np.pi * step / 60.0 + offset) * min(1.0, step / 30.0)
+        target = np.float32(GO2.default_joint_position + swing)
+        environment.output.assign(np.tile(target, (2, 1)))
+        environment.step()
+        robot.step(target)
+        joint_q, joint_qd = robot.state()
+        np.testing.assert_allclose(environment.robot.joint_q.numpy()[0], joint_q, atol=1e-4)
+        np.testing.assert_allclose(environment.robot.joint_qd.numpy()[0], joint_qd, atol=2e-3)
+        heights.append(joint_q[2])
+        forces.append(environment.simulation.foot_force.numpy()[0, :, 2].copy())
+    assert np.ptp(heights) > 0.02, "the robot must move"
+    assert (np.array(forces) == 0.0).any(axis=0).all(), "every foot must leave the ground at times"
