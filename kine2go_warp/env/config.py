@@ -179,15 +179,19 @@ class TerrainConfig:
 
 @dataclass(frozen=True)
 class SolverConfig:
-    """MuJoCo Warp's constraint solver."""
+    """MuJoCo Warp's constraint solver.
+
+    The default capacities hold random falls of 256 robots with a margin: at most 32 constraint rows and 8 contacts a
+    world were seen on flat ground, 77 and 19 on steps and slopes of 15 cm.
+    """
 
     iterations: int = 5
     line_search_iterations: int = 8
     tolerance: float = 1e-6
-    max_contacts: int = 24
-    """Capacity of the contact buffer for each world."""
-    max_constraints: int = 96
-    """Capacity of the constraint buffer for each world."""
+    max_contacts: int | None = None
+    """Capacity of the contact buffer for each world; the worlds share it. By default 12 on flat ground, else 24."""
+    max_constraints: int | None = None
+    """Capacity of the constraint buffer for each world. By default 48 on flat ground, else 96."""
     friction: float = 0.8
     """Coefficient of friction between robot and floor."""
 
@@ -241,6 +245,16 @@ class EnvConfig:
     def max_episode_length(self) -> int:
         """Longest episode [control steps]."""
         return round(self.episode_time * self.control_rate)
+
+    @property
+    def max_contacts(self) -> int:
+        """Capacity of the contact buffer for each world."""
+        return self.solver.max_contacts or (12 if self.terrain.is_flat else 24)
+
+    @property
+    def max_constraints(self) -> int:
+        """Capacity of the constraint buffer for each world."""
+        return self.solver.max_constraints or (48 if self.terrain.is_flat else 96)
 
     @property
     def delay_substeps(self) -> int:

@@ -75,17 +75,19 @@ def collision_urdf(spec: RobotSpec) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def build_solver(model: newton.Model, config: SolverConfig) -> newton.solvers.SolverMuJoCo:
+def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.SolverMuJoCo:
     """Return the MuJoCo Warp solver of a model."""
     return newton.solvers.SolverMuJoCo(
         model,
-        iterations=config.iterations,
-        ls_iterations=config.line_search_iterations,
-        tolerance=config.tolerance,
+        iterations=config.solver.iterations,
+        ls_iterations=config.solver.line_search_iterations,
+        tolerance=config.solver.tolerance,
         njmax=config.max_constraints,
         nconmax=config.max_contacts,
         cone="pyramidal",
-        integrator="implicitfast",
+        # The motors' torques come from this project's kernel and the joints have no damping of their own, so that an
+        # implicit integrator would solve for nothing.
+        integrator="euler",
         # One unused weld a floating base would otherwise take constraint rows.
         kinematic_switchable_roots=False,
     )

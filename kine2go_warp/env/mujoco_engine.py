@@ -1,11 +1,13 @@
 """The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against."""
 
 import mujoco
+import newton
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.model import FLOOR_FRICTION, build_solver, robot_builder
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.robots import RobotSpec
 
@@ -19,6 +21,25 @@ def mujoco_model(simulation: Simulation, config: EnvConfig) -> mujoco.MjModel:
     It is compiled by MuJoCo from what Newton read from the robot's URDF.
     """
     model = simulation.solver.mj_model
+    model.opt.timestep = config.substep_duration
+    return model
+
+
+def position_driven_model(spec: RobotSpec, config: EnvConfig) -> mujoco.MjModel:
+    """Return the model for the C engine with the PD law as MuJoCo's own actuators, controlled by joint targets [rad].
+
+    It differs from the environment in that the damping of the motors is integrated implicitly.
+    """
+    builder = robot_builder(spec, config.solver)
+    for dof in range(FIRST_DOF, FIRST_DOF + 12):
+        builder.joint_target_mode[dof] = int(newton.JointTargetMode.POSITION)
+        builder.joint_target_ke[dof] = config.motor.stiffness
+        builder.joint_target_kd[dof] = config.motor.damping
+    scene = newton.ModelBuilder()
+    scene.add_world(builder)
+    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION, gap=0.0))
+    model = build_solver(scene.finalize(device="cpu"), config).mj_model
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.opt.timestep = config.substep_duration
     return model
 

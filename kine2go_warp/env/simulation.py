@@ -39,7 +39,7 @@ class Simulation:
         """Build model and solver; all robots stand in the default pose."""
         self.config, self.num_worlds = config, config.num_worlds
         self.model = build_model(spec, config, ground, device)
-        self.solver = build_solver(self.model, config.solver)
+        self.solver = build_solver(self.model, config)
         silence_iteration_warnings(self.solver)
         self.states = (self.model.state(), self.model.state())
         self.control = self.model.control()

@@ -1,0 +1,1 @@
+"""Measures how fast each stage is on the machine at hand."""

@@ -1,0 +1,101 @@
+"""A figure measured several times, and the machine that it was measured on."""
+
+import importlib.metadata
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "zarr")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One figure, measured several times in one run."""
+
+    name: str
+    unit: str
+    values: tuple[float, ...]
+    note: str = ""
+
+    @property
+    def median(self) -> float:
+        """The middle value."""
+        return statistics.median(self.values)
+
+    def as_record(self) -> dict[str, Any]:
+        """Return the figure as JSON values."""
+        lowest, highest = min(self.values), max(self.values)
+        return {**asdict(self), "median": self.median, "lowest": lowest, "highest": highest}
+
+
+@dataclass(frozen=True)
+class BenchReport:
+    """What one benchmark has found."""
+
+    stage: str
+    device: str
+    settings: dict[str, Any]
+    measurements: tuple[Measurement, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Return everything as JSON values, with machine, versions and date."""
+        return {
+            "stage": self.stage,
+            "device": self.device,
+            "settings": self.settings,
+            "machine": machine(self.device),
+            "measurements": [measurement.as_record() for measurement in self.measurements],
+        }
+
+    def value(self, name: str) -> float:
+        """Return the median of a figure."""
+        return next(measurement.median for measurement in self.measurements if measurement.name == name)
+
+
+def timed(action: Callable[[], object], synchronise: Callable[[], object] = lambda: None) -> float:
+    """Return how long an action takes [s], what it left to do on the device included."""
+    synchronise()
+    start = time.perf_counter()
+    action()
+    synchronise()
+    return time.perf_counter() - start
+
+
+def machine(device: str) -> dict[str, str]:
+    """Return the names of processor and device, the versions of all that counts, and the date."""
+    import warp as wp
+
+    found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {**found, "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+
+
+def processor_name() -> str:
+    """Return the name of the processor, as far as the system tells."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def resident_memory() -> float:
+    """Return the memory of this process [MB], 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0.0
+    import os
+
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
