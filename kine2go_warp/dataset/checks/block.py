@@ -60,7 +60,7 @@ class Settings:
 
         return cls(
             control_frequency=positive(number(root, "control_frequency")),
-            physics_substeps=round(substeps) if positive(substeps) else None,
+            physics_substeps=round(substeps) if substeps is not None and substeps >= 1.0 else None,
             stiffness=number(root, "stiffness"),
             damping=number(root, "damping"),
             latency=number(motion, "training_settings", "env", "action", "latency"),

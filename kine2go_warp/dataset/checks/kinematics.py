@@ -1,5 +1,6 @@
 """Checks of links and contacts against forward kinematics and the floor."""
 
+from collections.abc import Callable
 from xml.etree import ElementTree
 
 import numpy as np
@@ -52,14 +53,13 @@ def link_velocity_error(block: Block) -> Array:
 
 def reference_foot_error(block: Block) -> Array:
     """Return the farthest that a reference foot is from where the reference's pose puts it [m], shape [n, num_rows]."""
-    feet = foot_positions(block.spec, block["reference_joint_position"])
-    expected = block["reference_root_position"][:, :, None] + turned(
-        matrices(block["reference_root_orientation"]), feet
-    )
+    feet_b = foot_positions(block.spec, block["reference_joint_position"])
+    feet = turned(matrices(block["reference_root_orientation"]), feet_b)
+    expected = block["reference_root_position"][:, :, None] + feet
     return largest(np.linalg.norm(block["reference_foot_position"] - expected, axis=-1), 2)
 
 
-def beyond_limits(name: str):  # noqa: ANN201
+def beyond_limits(name: str) -> Callable[[Block], Array]:
     """Return a measure of how far joints are beyond their limits [rad]."""
 
     def measure(block: Block) -> Array:

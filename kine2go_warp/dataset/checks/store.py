@@ -120,9 +120,9 @@ def check_metadata(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
 
 def differences(array: Any, expected: ArraySpec, sizes: dict[str, int]) -> Iterator[str]:
     """Yield how an array's metadata differ from the schema's."""
-    dimensions = array.metadata.dimension_names
-    if tuple(dimensions or ()) != expected.dims:
-        yield f"its dimensions are {shown(dimensions)}, not {shown(list(expected.dims))}"
+    dimensions = dimensions_of(array)
+    if dimensions != expected.dims:
+        yield f"its dimensions are {shown(list(dimensions))}, not {shown(list(expected.dims))}"
     shape = tuple(sizes.get(dimension) for dimension in expected.dims)
     if array.shape != shape:
         yield f"its shape is {list(array.shape)}, not {list(shape)}"
@@ -136,6 +136,11 @@ def differences(array: Any, expected: ArraySpec, sizes: dict[str, int]) -> Itera
         yield f"its fill value is {array.fill_value}, not {fill}"
 
 
+def dimensions_of(array: Any) -> tuple[str | None, ...]:
+    """Return the names of an array's dimensions, empty if it has none."""
+    return tuple(array.metadata.dimension_names or ())
+
+
 def check_labels(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
     """Check the names along each labelled dimension."""
     for name, expected in layout.labels.items():
@@ -145,9 +150,9 @@ def check_labels(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
         labels = tuple(str(value) for value in np.ravel(values))
         if labels != expected:
             yield Complaint(f"its labels are {shown(list(labels))}, not {shown(list(expected))}", name)
-        dimensions = motion.arrays[name].metadata.dimension_names
-        if tuple(dimensions or ()) != (name,):
-            yield Complaint(f"its dimensions are {shown(dimensions)}, not ['{name}']", name)
+        dimensions = dimensions_of(motion.arrays[name])
+        if dimensions != (name,):
+            yield Complaint(f"its dimensions are {shown(list(dimensions))}, not ['{name}']", name)
 
 
 def check_time(motion: StoredMotion, frequency: float | None) -> Iterator[Complaint]:

@@ -47,7 +47,7 @@ def heading_error(block: Block) -> Array:
 
 
 def path_error(block: Block) -> Array:
-    """Return how far the reference's path, turned back by ``heading``, is from the first trajectory's [m], shape [n]."""
+    """Return how far the reference's path, turned back by ``heading``, is from the first one's [m], shape [n]."""
     planar = block["reference_root_position"] * np.array([1.0, 1.0, 0.0])
     back = turned(about_z(-block["heading"]), planar)
     errors = []
