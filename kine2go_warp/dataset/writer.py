@@ -279,5 +279,6 @@ def check_version(path: Path) -> None:
         raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
     if attributes.get("format_version") != FORMAT_VERSION:
         raise DatasetError(
-            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes {FORMAT_VERSION}"
+            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
+            f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
         )

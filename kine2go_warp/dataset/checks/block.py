@@ -134,6 +134,10 @@ class Block:
         """Return the block with other values in some arrays."""
         return replace(self, stored={**self.stored, **changes})
 
+    def selected(self, numbers: NDArray[np.intp]) -> "Block":
+        """Return some of the trajectories, by their place in the block."""
+        return replace(self, stored={name: values[numbers] for name, values in self.stored.items()})
+
     def _masked(self, values: Array) -> Array:
         beyond = self.beyond.reshape(*self.beyond.shape, *(1,) * (values.ndim - 2))
         return np.where(beyond, np.nan, values)

@@ -76,7 +76,7 @@ class StoredMotion:
                 continue
             if isinstance(member, zarr.Array):
                 self.arrays[name] = member
-                if member.dtype.kind == "f" and not has_chunks(path):
+                if member.size and member.dtype.kind == "f" and np.isnan(member.fill_value) and not has_chunks(path):
                     self.unreadable[name] = "its data are missing"
             else:
                 self.groups.add(name)

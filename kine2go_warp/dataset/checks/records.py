@@ -1,5 +1,6 @@
 """What a check is, what it finds, and the report of all of them."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -53,7 +54,8 @@ class RowCheck:
         """Return what ``measure`` does, None also if an array that it needs is not there."""
         if any(name not in block for name in self.needs):
             return None
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
             values = self.measure(block)
         return None if values is None else np.nan_to_num(values, nan=np.nan, posinf=np.finfo(float).max)
 

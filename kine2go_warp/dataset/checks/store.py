@@ -187,6 +187,8 @@ def check_attributes(motion: StoredMotion, root: dict[str, Any], trajectories: i
         if not isinstance(attributes.get(name), dict):
             yield Complaint(f"attribute {name} is missing")
     accepted, rejected = attributes.get("accepted"), attributes.get("rejected")
+    if trajectories == 0:
+        yield Complaint("holds no trajectory")
     if trajectories is not None and accepted != trajectories:
         yield Complaint(f"attribute accepted is {shown(accepted)}, but the arrays hold {trajectories} trajectories")
     total = number(attributes, "gather_settings", "trajectories")

@@ -115,46 +115,42 @@ def shifted(names: tuple[str, ...], rows: int) -> Change:
 def diagnose(motion: str, block: Block, checks: Sequence[RowCheck]) -> list[Diagnosis]:
     """Return the mistakes that explain the most failed checks, none if no mistake explains any.
 
-    Checks that look at whether single values are finite do not take part: undoing a shift leaves holes.
+    Mistakes are undone in trajectories that fail only; one that makes another check fail explains nothing. Checks of
+    whether single values are finite do not take part: undoing a shift leaves holes.
     """
     checks = [check for check in checks if check.name not in ("finite", "padding")]
-    block = worst_trajectories(block, checks)
-    failed = [check for check in checks if fails(check, block)]
-    if not failed:
-        return []
+    bad = failing(block, checks)
+    chosen = np.sort(np.concatenate([np.flatnonzero(bad)[:MAX_TRAJECTORIES], np.flatnonzero(~bad)[:2]]))
+    block, bad = block.selected(chosen), bad[chosen]
+    failed = [check for check in checks if failing(block, [check]).any()]
     candidates = []
     for trap in traps(block):
         concerned = [check for check in checks if set(check.needs) & set(trap.arrays)]
         if not any(check in failed for check in concerned):
             continue
-        mended = block.replaced(trap.undo(block))
-        still = [check for check in concerned if fails(check, mended)]
-        mends = [check.name for check in failed if check in concerned and check not in still]
-        breaks = [check for check in still if check not in failed]
-        if mends and not breaks:
-            candidates.append(Diagnosis(motion, trap.what, tuple(dict.fromkeys(mends)), len(names_of(failed))))
+        mended = block.replaced(only(bad, block, trap.undo(block)))
+        still = [check for check in concerned if failing(mended, [check]).any()]
+        mends = dict.fromkeys(check.name for check in failed if check in concerned and check not in still)
+        if mends and all(check in failed for check in still):
+            candidates.append(Diagnosis(motion, trap.what, tuple(mends), len({check.name for check in failed})))
     most = max((len(one.mends) for one in candidates), default=0)
     return [one for one in candidates if len(one.mends) == most]
 
 
-def names_of(checks: Sequence[RowCheck]) -> set[str]:
-    """Return the names of checks."""
-    return {check.name for check in checks}
+def only(chosen: NDArray[np.bool_], block: Block, changes: dict[str, Array]) -> dict[str, Array]:
+    """Return changed arrays with the change in some trajectories only."""
+    mixed = {}
+    for name, changed in changes.items():
+        mixed[name] = block.stored[name].copy()
+        mixed[name][chosen] = changed[chosen]
+    return mixed
 
 
-def fails(check: RowCheck, block: Block) -> bool:
-    """Return whether any trajectory is off."""
-    values = check.off_by(block)
-    return values is not None and bool(np.any(values > check.tolerance))
-
-
-def worst_trajectories(block: Block, checks: Sequence[RowCheck]) -> Block:
-    """Return a few trajectories that fail, with the first one that does not, against which references are judged."""
+def failing(block: Block, checks: Sequence[RowCheck]) -> NDArray[np.bool_]:
+    """Return which trajectories fail any of some checks, shape [num_trajectories]."""
     bad = np.zeros(block.num_trajectories, dtype=bool)
     for check in checks:
         values = check.off_by(block)
-        if values is not None and len(values) == len(bad):
+        if values is not None:
             bad |= np.any(values.reshape(len(bad), -1) > check.tolerance, axis=1)
-    chosen = np.concatenate([np.flatnonzero(bad)[:MAX_TRAJECTORIES], np.flatnonzero(~bad)[:2]])
-    stored = {name: values[np.sort(chosen)] for name, values in block.stored.items()}
-    return Block(block.first, stored, block.settings, block.spec, block.is_randomised)
+    return bad
