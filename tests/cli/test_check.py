@@ -195,9 +195,9 @@ def test_a_motion_that_may_not_be_read_is_found(dataset_copy, capsys):
 def test_many_motions_get_a_line_each(capsys):
     motions = tuple(f"motion_{number}" for number in range(FEW + 1))
     results = tuple(Result("padding", motion, "ok") for motion in motions[1:])
-    found = Finding("padding", motions[0], "values beyond the trajectory's length,", "phase", 2, 9, 1.0, 0.0, "values")
+    found = Finding("padding", motions[0], "values beyond the trajectory's length:", "phase", 2, 9, 1.0, 0.0)
     print_report(Report("all.zarr", motions, (Result("padding", motions[0], "failed"), *results), (found,)))
     output = capsys.readouterr().out
     assert all(motion in output for motion in motions)
-    assert "motion_0/phase, trajectory 2, row 9: values beyond the trajectory's length, by 1 values" in output
+    assert "motion_0/phase, trajectory 2, row 9: values beyond the trajectory's length: 1 (at most 0)" in output
     assert "3 checks hold, 1 do not" in output

@@ -36,7 +36,7 @@ class RowCheck:
     description: str
     """What must hold, in one line."""
     fault: str
-    """What is said of an array that fails, to be followed by the number."""
+    """What is said of an array that fails; followed by "by" and the number, after a colon by the number alone."""
     measure: Callable[[Block], NDArray[np.float64] | None]
     """Returns how far off the rows are, shape [num_trajectories, num_rows] (or one row fewer), or the trajectories,
     shape [num_trajectories]; NaN where there is nothing to say. None if the motion's attributes do not hold what is
@@ -94,7 +94,8 @@ class Finding:
     def __str__(self) -> str:
         amount = ""
         if self.value is not None and self.tolerance is not None:
-            amount = f" by {self.value:.3g}" + f" {self.unit}".rstrip() + f" (at most {self.tolerance:g})"
+            joint = " " if self.what.endswith(":") else " by "
+            amount = f"{joint}{self.value:.3g}" + f" {self.unit}".rstrip() + f" (at most {self.tolerance:g})"
         return f"{self.place}: {self.what}{amount} [{self.check}]"
 
 
@@ -113,7 +114,7 @@ class Diagnosis:
     def __str__(self) -> str:
         return (
             f"{self.motion}: it looks as if {self.what}: undoing that mends {len(self.mends)} of {self.failed} "
-            f"failed checks ({', '.join(self.mends)})"
+            f"failed checks ({'; '.join(self.mends)})"
         )
 
 

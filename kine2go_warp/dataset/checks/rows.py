@@ -117,16 +117,16 @@ CHECKS = (
     *(
         RowCheck(
             "finite", array.name, (array.name,),
-            "numbers only inside each trajectory's length", "values that are no finite numbers,",
-            holes(array.name), 0.0, "values",
+            "numbers only inside each trajectory's length", "values that are no finite numbers:",
+            holes(array.name), 0.0,
         )
         for array in (*ROW_ARRAYS, *TRAJECTORY_ARRAYS)
     ),
     *(
         RowCheck(
             "padding", array.name, (array.name, "length"),
-            "nothing but NaN beyond each trajectory's length", "values beyond the trajectory's length,",
-            leftovers(array.name), 0.0, "values",
+            "nothing but NaN beyond each trajectory's length", "values beyond the trajectory's length:",
+            leftovers(array.name), 0.0,
         )
         for array in ROW_ARRAYS
     ),

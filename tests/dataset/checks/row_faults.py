@@ -11,6 +11,7 @@ from tests.dataset.checks.spoiling import (
     centre_of_mass_velocity,
     fault,
     group,
+    jump_in_orientation,
     late,
     push_along_the_floor,
     read,
@@ -66,6 +67,20 @@ ROW_FAULTS = {
     "velocities of zero": fault("joint_velocity", lambda one: 0.0 * one, "joint velocity, overall"),
     "a row that jumps": fault("root_position", lambda one: at(ROW, one[ROW] + 0.05)(one),
                               "root linear velocity, each row", "root_linear_velocity"),
+    "an orientation that jumps": fault(
+        "root_orientation", jump_in_orientation, "root angular velocity, each row", "root_angular_velocity"
+    ),
+    "a joint that jumps": fault(
+        "joint_position", lambda one: at((ROW, 1), one[ROW, 1] + 0.5)(one), "joint velocity, each row", "joint_velocity"
+    ),
+    "a link that jumps": fault(
+        "link_position", lambda one: at((ROW, 14), one[ROW, 14] + 0.1)(one),
+        "link linear velocity, each row", "link_linear_velocity",
+    ),
+    "link velocities one row late": fault(
+        "link_linear_velocity", late, "link linear velocity, overall",
+        diagnosis="link_linear_velocity is one row late",
+    ),
     "root position one row late": fault(
         "root_position", late, "root linear velocity, overall", "root_linear_velocity",
         diagnosis="root_position is one row late",
@@ -143,6 +158,9 @@ ROW_FAULTS = {
     "rewards one row late": fault("reward", late, "joint position reward", diagnosis="reward is one row late"),
     "rewards of the pose alone off": fault(
         "reward", lambda one: at((slice(None), 3), 0.5 * one[:, 3])(one), "root pose reward"
+    ),
+    "rewards of the feet alone off": fault(
+        "reward", lambda one: at((slice(None), 2), 0.5 * one[:, 2])(one), "foot position reward"
     ),
     "a figure of quality off": fault("quality/root_error", lambda one: 1.1 * one, "quality"),
     "trajectories swapped in one array": Fault(

@@ -12,11 +12,13 @@ from tests.dataset.checks.spoiling import (
     rewritten,
     shard,
     stale_index,
+    stricter_limits,
     truncate,
 )
 
 INDEX = ("index",)
 """A change of metadata is also one that the index does not know."""
+
 STORE_FAULTS = {
     "missing array": Fault(lambda path: shutil.rmtree(path / MOTION / "action"), "arrays", "action", others=INDEX),
     "missing sub-group": Fault(
@@ -52,12 +54,18 @@ STORE_FAULTS = {
     "another action scale": Fault(attribute("action_scale", 0.5), "root attributes", None),
     "another robot model": Fault(attribute("robot_model_sha256", "0" * 64), "root attributes", None),
     "another control frequency": Fault(
-        attribute("control_frequency", 50.0), "attributes", None, others=("time", "start phase"),
+        attribute("control_frequency", 50.0), "attributes", None,
+        others=("time", "start phase", "root linear velocity, overall", "joint position reward",
+                "foot position reward", "root pose reward"),
     ),
     "no gains": Fault(attribute("stiffness", None), "root attributes", None),
-    "another number accepted": Fault(attribute("accepted", 4, motion=True), "attributes", None),
-    "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None),
-    "no licence": Fault(attribute("licence", "", motion=True), "attributes", None),
-    "copied trajectory": Fault(copied_trajectory, "duplicates", None),
+    "another number accepted": Fault(attribute("accepted", 4, motion=True), "attributes", None, others=INDEX),
+    "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None, others=INDEX),
+    "no licence": Fault(attribute("licence", "", motion=True), "attributes", None, others=INDEX),
+    "limits that the rollouts break": Fault(stricter_limits, "acceptance", "joint_position", others=INDEX),
+    "copied trajectory": Fault(
+        copied_trajectory, "duplicates", None,
+        others=("start phase", "reference heading", "reference path", "quality"),
+    ),
 }  # fmt: skip
 """Faults of the store and of what describes it."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS
+from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS, all_checks
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
@@ -37,12 +37,21 @@ def test_a_dataset_without_noise_is_clean(policy, tmp_path):
     assert check_dataset(tmp_path / "quiet.zarr", GO2).findings == ()
 
 
+def test_every_check_finds_a_fault_of_its_own():
+    shown = {fault.check for fault in (*STORE_FAULTS.values(), *ROW_FAULTS.values())}
+    assert shown == {check.name for check in all_checks()}
+
+
+# Writing labels anew through zarr itself makes it warn about their text type.
+@pytest.mark.filterwarnings("ignore::zarr.errors.UnstableSpecificationWarning")
 @pytest.mark.parametrize("name", STORE_FAULTS, ids=slug)
 def test_a_fault_of_the_store_is_found(name, dataset_copy):
     fault = STORE_FAULTS[name]
     fault.spoil(dataset_copy)
     found = errors(check_dataset(dataset_copy, GO2))
-    assert (fault.check, fault.array) in {(one.check, one.array) for one in found}, [str(one) for one in found]
+    lines = [str(one) for one in found]
+    assert (fault.check, fault.array) in {(one.check, one.array) for one in found}, lines
+    assert {one.check for one in found} <= {fault.check, *fault.others}, lines
 
 
 @pytest.mark.parametrize("name", ROW_FAULTS, ids=slug)
