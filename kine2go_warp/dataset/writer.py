@@ -272,7 +272,7 @@ def check_version(path: Path) -> None:
         DatasetError: it is not, or its format version is another.
     """
     try:
-        attributes = zarr.open_group(path, mode="r").attrs
+        attributes = dict(zarr.open_group(path, mode="r").attrs)
     except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
         raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
     if attributes.get("format") != "kine2go":

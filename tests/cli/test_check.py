@@ -99,6 +99,10 @@ UNUSABLE = {
     "nothing": (shutil.rmtree, "no dataset here, nor anything else"),
     "corrupt metadata": (lambda path: spoil_metadata(path, "{"), "not a Zarr store that can be read"),
     "empty metadata": (lambda path: spoil_metadata(path, ""), "not a Zarr store that can be read"),
+    "attributes of another kind": (
+        lambda path: spoil_metadata(path, '{"zarr_format": 3, "node_type": "group", "attributes": [1]}'),
+        "not a Zarr store that can be read",
+    ),
     "metadata of another kind": (lambda path: spoil_metadata(path, "[1]"), "not a Zarr store that can be read"),
     "binary metadata": (lambda path: (path / "zarr.json").write_bytes(b"\xff\xfe\x00"), "not a Zarr store"),
     "another Zarr store": (

@@ -71,6 +71,8 @@ class StoredMotion:
             name = prefix + path.name
             try:
                 member = quietly(lambda path=path: zarr.open(path, mode="r", zarr_format=3, use_consolidated=False))
+                if not isinstance(member.metadata.attributes, dict):
+                    raise TypeError("attributes are no dictionary")
             except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
                 self.unreadable[name] = f"its metadata cannot be read ({error.__class__.__name__})"
                 continue

@@ -75,7 +75,10 @@ def check_index(folder: Path) -> Iterator[Complaint]:
     index = json.loads((folder / "zarr.json").read_text()).get("consolidated_metadata")
     if not index:
         return
-    listed = index.get("metadata", {})
+    listed = index.get("metadata", {}) if isinstance(index, dict) else None
+    if not isinstance(listed, dict) or not all(isinstance(entry, dict) for entry in listed.values()):
+        yield Complaint("the index is malformed")
+        return
     found = {str(path.parent.relative_to(folder)) for path in folder.rglob("zarr.json")} - {"."}
     for name in sorted(found - set(listed)):
         yield Complaint("not in the index, so that readers that trust it do not see it", name)
@@ -86,7 +89,7 @@ def check_index(folder: Path) -> Iterator[Complaint]:
             own = json.loads((folder / name / "zarr.json").read_text())
         except (OSError, ValueError):
             continue
-        if without_index(own) != without_index(listed[name]):
+        if not isinstance(own, dict) or without_index(own) != without_index(listed[name]):
             yield Complaint("its metadata are not those in the index", name)
 
 

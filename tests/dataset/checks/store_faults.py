@@ -31,6 +31,10 @@ STORE_FAULTS = {
     "corrupt metadata": Fault(
         lambda path: (path / MOTION / "phase" / "zarr.json").write_text("{"), "readable", "phase"
     ),
+    "attributes of another kind": Fault(
+        metadata("phase", attributes=[]), "readable", "phase", others=INDEX
+    ),
+    "malformed index": Fault(metadata("", consolidated_metadata={"metadata": [1]}), "index", None),
     "corrupt metadata of a motion": Fault(
         lambda path: (path / MOTION / "zarr.json").write_text("{"), "readable", None, others=INDEX
     ),
