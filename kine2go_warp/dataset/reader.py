@@ -31,8 +31,8 @@ def motion_names(path: Path) -> list[str]:
     Raises:
         DatasetError: there is no dataset at ``path``.
     """
-    if (path.parent / "zarr.json").is_file():
-        raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.parent}")
+    if (path.resolve().parent / "zarr.json").is_file():
+        raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.resolve().parent}")
     if not (path / "zarr.json").is_file():
         raise DatasetError(f"{path}: {absence(path)}; make a dataset with 'kine2go gather' or 'kine2go run'")
     check_version(path)

@@ -144,6 +144,11 @@ def test_a_motion_given_for_a_dataset_is_told_where_the_dataset_is(dataset_copy,
     assert f"name the dataset itself, {dataset_copy}" in capsys.readouterr().err
 
 
+def test_the_present_folder_can_be_the_dataset(dataset_copy, monkeypatch):
+    monkeypatch.chdir(dataset_copy)
+    assert main(["check", "."]) == 0
+
+
 DAMAGED = {
     "truncated shard": (spoil_shard, "dog_trot/action: cannot be read"),
     "missing array": (lambda path: shutil.rmtree(path / "dog_trot" / "action"), "action: this array is missing"),

@@ -150,7 +150,11 @@ def check_labels(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
         values = quietly(lambda name=name: motion.read(name))
         if values is None:
             continue
-        labels = tuple(str(value) for value in np.ravel(values))
+        try:
+            labels = tuple(str(value) for value in np.ravel(values))
+        except (SystemError, ValueError):  # raised by NumPy for numbers that are no characters
+            yield Complaint("its labels are no text", name)
+            continue
         if labels != expected:
             yield Complaint(f"its labels are {shown(list(labels))}, not {shown(list(expected))}", name)
         dimensions = dimensions_of(motion.arrays[name])
