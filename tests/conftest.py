@@ -1,13 +1,18 @@
 """What many tests share: real clips, the bundled clip, a small environment, a policy trained for a moment."""
 
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
+import zarr
 
+from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.config import TrainConfig
@@ -21,6 +26,8 @@ from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.gather import gather
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -82,6 +89,28 @@ def policy(clip: MotionClip, tmp_path_factory: pytest.TempPathFactory) -> Policy
     folder = tmp_path_factory.mktemp("policy") / clip.name
     train([clip], TrainConfig(num_worlds=16, iterations=3), folder, "cpu")
     return PolicyFolder(folder)
+
+
+@pytest.fixture(scope="session")
+def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five rollouts of that policy, 150 rows each; number 2 is cut short after 130."""
+    folder = tmp_path_factory.mktemp("dataset")
+    # A policy after three iterations drifts far; these limits keep all of its rollouts.
+    loose = GatherConfig(trajectories=5, rows=150, max_distance=9.0, max_angle=3.2, max_joint_rmse=9.0)
+    gather(policy, DatasetWriter(folder / "gathered.zarr", GO2), loose, "cpu")
+    motion = read_motion(folder / "gathered.zarr", "dog_trot")
+    length = np.array([150, 150, 130, 150, 150], dtype=np.int32)
+    trajectories = Trajectories(motion.trajectories.rows, {**motion.trajectories.draws, "length": length})
+    root = zarr.open_group(folder / "gathered.zarr", mode="r").attrs
+    simulation = SimulationAttributes(**{name: root[name] for name in SimulationAttributes.__dataclass_fields__})
+    DatasetWriter(folder / "dataset.zarr", GO2).write("dog_trot", trajectories, simulation, motion.attributes)
+    return folder / "dataset.zarr"
+
+
+@pytest.fixture
+def dataset_copy(clean_dataset: Path, tmp_path: Path) -> Path:
+    """A copy of that dataset, to spoil."""
+    return Path(shutil.copytree(clean_dataset, tmp_path / "dataset.zarr"))
 
 
 @pytest.fixture

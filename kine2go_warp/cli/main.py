@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
 from kine2go_warp.cli.motion_commands import Bench, Cycles, Retarget, Sources
 from kine2go_warp.errors import Kine2GoError
@@ -17,6 +18,7 @@ Command = (
     | Annotated[Gather, tyro.conf.subcommand("gather")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
@@ -28,7 +30,10 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit status: 0, 2 for an error that the user can mend, 130 if interrupted."""
+    """Run one command and return the exit status.
+
+    0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted.
+    """
     command = tyro.cli(
         Command,  # pyright: ignore[reportArgumentType]
         prog="kine2go",

@@ -31,10 +31,21 @@ def motion_names(path: Path) -> list[str]:
     Raises:
         DatasetError: there is no dataset at ``path``.
     """
+    if (path.resolve().parent / "zarr.json").is_file():
+        raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.resolve().parent}")
     if not (path / "zarr.json").is_file():
-        raise DatasetError(f"{path}: no dataset here; make one with 'kine2go gather' or 'kine2go run'")
+        raise DatasetError(f"{path}: {absence(path)}; make a dataset with 'kine2go gather' or 'kine2go run'")
     check_version(path)
     return sorted(folder.parent.name for folder in path.glob("*/zarr.json"))
+
+
+def absence(path: Path) -> str:
+    """Return why there is no dataset at a path."""
+    if path.is_file():
+        return "no dataset here, a dataset is a folder and this is a file"
+    if not path.exists():
+        return "no dataset here, nor anything else"
+    return "no dataset here, the folder holds no zarr.json"
 
 
 def read_motion(path: Path, motion: str) -> MotionData:

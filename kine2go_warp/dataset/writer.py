@@ -272,12 +272,13 @@ def check_version(path: Path) -> None:
         DatasetError: it is not, or its format version is another.
     """
     try:
-        attributes = zarr.open_group(path, mode="r").attrs
+        attributes = dict(zarr.open_group(path, mode="r").attrs)
     except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
         raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
     if attributes.get("format") != "kine2go":
         raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
     if attributes.get("format_version") != FORMAT_VERSION:
         raise DatasetError(
-            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes {FORMAT_VERSION}"
+            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
+            f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
         )

@@ -1,0 +1,1 @@
+"""Checks of a dataset: whether it is what the schema says, and whether its rows agree with one another."""

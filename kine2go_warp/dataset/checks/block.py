@@ -1,0 +1,143 @@
+"""Some trajectories of a motion in double precision, as the checks see them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.robots import RobotSpec
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the attributes say of how a motion was made; None where they do not."""
+
+    control_frequency: float | None
+    """[Hz]"""
+    physics_substeps: int | None
+    """Physics steps in one control step."""
+    stiffness: float | None
+    """[N m/rad]"""
+    damping: float | None
+    """[N m s/rad]"""
+    latency: float | None
+    """Time from an action to its effect at the motors [s]."""
+    friction: float | None
+    """Coefficient of friction between robot and floor."""
+    reward_weights: tuple[float, ...] | None
+    """Weights of the reward terms, before the division by the control rate."""
+    warm_up: float | None
+    """Dropped from the beginning of each rollout [s]."""
+    noise: float | None
+    """Noise on the actions, in standard deviations."""
+    max_distance: float | None
+    """Farthest that a root of an accepted rollout is from its reference [m]."""
+    max_angle: float | None
+    """Furthest that it is turned from its reference [rad]."""
+    max_joint_rmse: float | None
+    """Worst tracking of an accepted rollout's joints [rad]."""
+
+    @classmethod
+    def read(cls, root: Mapping[str, Any], motion: Mapping[str, Any], terms: tuple[str, ...]) -> "Settings":
+        """Read the settings from the attributes of the root and of a motion, in which anything may be missing.
+
+        Args:
+            root: Attributes of the dataset.
+            motion: Attributes of the motion.
+            terms: Names of the reward terms.
+        """
+        weights = [number(motion, "training_settings", "env", "reward", term) for term in terms]
+        known = tuple(weight for weight in weights if weight is not None)
+        substeps = number(root, "physics_substeps")
+
+        def gathering(name: str) -> float | None:
+            return number(motion, "gather_settings", name)
+
+        return cls(
+            control_frequency=positive(number(root, "control_frequency")),
+            physics_substeps=round(substeps) if substeps is not None and substeps >= 1.0 else None,
+            stiffness=number(root, "stiffness"),
+            damping=number(root, "damping"),
+            latency=number(motion, "training_settings", "env", "action", "latency"),
+            friction=number(motion, "training_settings", "env", "solver", "friction"),
+            reward_weights=known if len(known) == len(terms) else None,
+            warm_up=gathering("warm_up"),
+            noise=gathering("noise"),
+            max_distance=gathering("max_distance"),
+            max_angle=gathering("max_angle"),
+            max_joint_rmse=gathering("max_joint_rmse"),
+        )
+
+
+def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
+    """Return a number from nested attributes, None if it is not there or no number."""
+    value: Any = attributes
+    for key in keys:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and np.isfinite(value) else None
+
+
+def positive(value: float | None) -> float | None:
+    """Return a value if it is a positive number, None otherwise."""
+    return value if value is not None and value > 0.0 else None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some neighbouring trajectories of one motion."""
+
+    first: int
+    """Number of the first of them in the motion."""
+    stored: Mapping[str, Array]
+    """Arrays by name as they are stored, those of sub-groups as ``group/name``; unreadable ones are not there."""
+    settings: Settings
+    spec: RobotSpec
+    is_randomised: bool = False
+    """Whether robots and motors differ from trajectory to trajectory."""
+
+    @cached_property
+    def rows(self) -> Mapping[str, Array]:
+        """The row arrays, NaN beyond each trajectory's length."""
+        return {name: self._masked(values) for name, values in self.stored.items() if values.ndim > 1}
+
+    @cached_property
+    def beyond(self) -> NDArray[np.bool_]:
+        """Whether a row lies beyond its trajectory's length, shape [num_trajectories, num_rows]."""
+        if "length" not in self.stored:
+            return np.zeros((self.num_trajectories, self.num_rows), dtype=bool)
+        return np.arange(self.num_rows) >= self.stored["length"][:, None]
+
+    @property
+    def num_trajectories(self) -> int:
+        """Number of trajectories."""
+        return len(next(iter(self.stored.values())))
+
+    @property
+    def num_rows(self) -> int:
+        """Rows of the longest possible trajectory."""
+        return next(values.shape[1] for values in self.stored.values() if values.ndim > 1)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an array by name: row arrays with NaN beyond each length, others as they are."""
+        return self.rows[name] if self.stored[name].ndim > 1 else self.stored[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.stored
+
+    def replaced(self, changes: Mapping[str, Array]) -> "Block":
+        """Return the block with other values in some arrays."""
+        return replace(self, stored={**self.stored, **changes})
+
+    def selected(self, numbers: NDArray[np.intp]) -> "Block":
+        """Return some of the trajectories, by their place in the block."""
+        return replace(self, stored={name: values[numbers] for name, values in self.stored.items()})
+
+    def _masked(self, values: Array) -> Array:
+        beyond = self.beyond.reshape(*self.beyond.shape, *(1,) * (values.ndim - 2))
+        return np.where(beyond, np.nan, values)

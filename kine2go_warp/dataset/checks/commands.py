@@ -1,0 +1,109 @@
+"""Checks of actions, targets and torques against one another and against the motors' law."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.checks.block import Block
+from kine2go_warp.dataset.checks.records import RowCheck
+from kine2go_warp.dataset.checks.statistics import largest, mean, median, root_mean_square
+
+Array = NDArray[np.float64]
+
+SHORTEST_SAMPLE = 20
+"""Rows below which a mean of noise says nothing."""
+
+
+def action_error(block: Block) -> Array:
+    """Return the farthest that an action is from its joint target in units of the action scale, shape [n, num_rows]."""
+    expected = (block["joint_target"] - np.array(block.spec.default_joint_position)) / block.spec.action_scale
+    return largest(np.abs(block["action"] - expected), 2)
+
+
+def noise_mean(block: Block) -> Array | None:
+    """Return the largest mean of an action's noise, in standard errors, shape [n].
+
+    Without noise, actions and their means must be equal; their distance is returned in thousandths then.
+    """
+    if block.settings.noise is None:
+        return None
+    noise = np.moveaxis(block["action"] - block["action_mean"], -1, 1)
+    if block.settings.noise == 0.0:
+        return 1e3 * largest(np.abs(noise), 1)
+    rows = (~np.isnan(noise)).sum(axis=-1)
+    centre = mean(noise, 2)
+    spread = root_mean_square(noise - centre[..., None], 2)
+    errors = np.abs(centre) * np.sqrt(rows) / np.maximum(spread, 1e-9)
+    return largest(np.where(rows >= SHORTEST_SAMPLE, errors, np.nan), 1)
+
+
+def mean_misplaced(block: Block) -> Array:
+    """Return how much closer actions are to the means of a neighbouring row than to those of their own, shape [n]."""
+    action, centre = block["action"], block["action_mean"]
+    inner = action[:, 1:-1]
+    own = root_mean_square(inner - centre[:, 1:-1], 1)
+    others = (root_mean_square(inner - centre[:, shift : shift + inner.shape[1]], 1) for shift in (0, 2))
+    closest = np.minimum(*others)
+    rows = (~np.isnan(inner[..., 0])).sum(axis=-1)
+    return np.where(rows >= SHORTEST_SAMPLE, own / np.maximum(closest, 1e-9) - 1.0, np.nan)
+
+
+def beyond_effort(block: Block) -> Array:
+    """Return by how much a torque is more than the motors can give [N m], shape [n, num_rows]."""
+    return np.maximum(largest(np.abs(block["joint_torque"]) - np.array(block.spec.joint_effort), 2), 0.0)
+
+
+def latency_rows(latency: float, substeps: int, frequency: float) -> int:
+    """Return how many rows before a state the action was chosen that ruled the last physics substep before it."""
+    delay = round(latency * substeps * frequency)
+    return 1 + max(0, math.ceil((delay - (substeps - 1)) / substeps))
+
+
+def torque_error(block: Block) -> Array | None:
+    """Return how far torques usually are from the motors' law, in parts of the usual torque, shape [n].
+
+    The torque of row t is that of the substep which ended in state t, so its joint positions are known to have been one
+    substep's way back; its joint velocities are taken as those at its end.
+    """
+    settings = block.settings
+    known = (settings.latency, settings.physics_substeps, settings.control_frequency)
+    if None in known or settings.stiffness is None or settings.damping is None:
+        return None
+    latency, substeps, frequency = (value or 0 for value in known)
+    lag = latency_rows(latency, int(substeps), frequency)
+    velocity = block["joint_velocity"][:, lag:]
+    position = block["joint_position"][:, lag:] - velocity / (substeps * frequency)
+    target = block["joint_target"][:, : block.num_rows - lag]
+    effort = np.array(block.spec.joint_effort)
+    expected = np.clip(settings.stiffness * (target - position) - settings.damping * velocity, -effort, effort)
+    torque = block["joint_torque"][:, lag:]
+    return median(np.abs(torque - expected), 1) / (median(np.abs(torque), 1) + 0.1)
+
+
+CHECKS = (
+    RowCheck(
+        "action", "action", ("action", "joint_target"),
+        "action is (joint_target - default pose) / action scale", "not its joint target in units of the scale: off",
+        action_error, 1e-4,
+    ),
+    RowCheck(
+        "action noise", "action_mean", ("action", "action_mean"),
+        "actions scatter evenly about action_mean", "the actions' mean is off", noise_mean, 6.5, "standard errors",
+    ),
+    RowCheck(
+        "action mean's row", "action_mean", ("action", "action_mean"),
+        "actions are closest to action_mean of their own row", "the actions belong to a neighbouring row's: closer",
+        mean_misplaced, 0.1, "of the distance",
+    ),
+    RowCheck(
+        "torque limits", "joint_torque", ("joint_torque",),
+        "torques keep within what the motors can give", "beyond the motors' largest torque", beyond_effort, 1e-3, "N m",
+    ),
+    RowCheck(
+        "motor law", "joint_torque", ("joint_torque", "joint_target", "joint_position", "joint_velocity"),
+        "torques are stiffness * (target - position) - damping * velocity, the target as old as the latency says",
+        "usually not what targets, joints and gains give: off", torque_error, 0.5, "of the usual torque",
+    ),
+)  # fmt: skip
+"""All of them."""

@@ -1,0 +1,41 @@
+"""What the schema says that a motion's group holds."""
+
+from dataclasses import dataclass
+
+from kine2go_warp.dataset.schema import (
+    QUALITY_ARRAYS,
+    ROW_ARRAYS,
+    TRAJECTORY_ARRAYS,
+    ArraySpec,
+    coordinates,
+)
+from kine2go_warp.robots import RobotSpec
+
+SUB_GROUPS = {"quality": QUALITY_ARRAYS}
+"""Groups inside a motion's group, and their arrays."""
+
+RANDOMIZATION = "randomization"
+"""The group in which a motion keeps how its robots and motors differ, where they do."""
+
+COORDINATES = (
+    ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"),
+    ArraySpec("trajectory", ("trajectory",), "1", "number of the trajectory", "int32"),
+)
+"""Coordinates that are numbers."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The arrays of a motion by name, those of sub-groups as ``group/name``."""
+
+    arrays: dict[str, ArraySpec]
+    labels: dict[str, tuple[str, ...]]
+    """Coordinates that are names, by the dimension that they label."""
+
+    @classmethod
+    def of(cls, spec: RobotSpec) -> "Layout":
+        """Return the layout for a robot."""
+        arrays = {array.name: array for array in (*COORDINATES, *ROW_ARRAYS, *TRAJECTORY_ARRAYS)}
+        for group, members in SUB_GROUPS.items():
+            arrays.update({f"{group}/{array.name}": array for array in members})
+        return cls(arrays, coordinates(spec))

@@ -1,0 +1,207 @@
+"""Checks of the reference, the limits of acceptance, the rewards and the quality figures."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.checks.block import Block
+from kine2go_warp.dataset.checks.records import RowCheck
+from kine2go_warp.dataset.checks.rotations import about_z, heading, level, matrices, turned, wrapped
+from kine2go_warp.dataset.checks.rows import turns
+from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
+from kine2go_warp.dataset.quality import rotation_angle, tracking_quality
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS
+from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS, REWARD_TERMS
+from kine2go_warp.robots.kinematics import foot_positions
+
+Array = NDArray[np.float64]
+Measure = Callable[[Block], Array | None]
+
+
+def disagreement(block: Block, series: Array) -> Array:
+    """Return how each trajectory's series differs from the first one's at the same place of the cycle.
+
+    Args:
+        block: Trajectories; their ``cycle`` and ``phase`` say where a row is.
+        series: Shape [num_trajectories, num_rows].
+
+    Returns:
+        Shape [num_trajectories, num_rows], NaN where the first one has no row at that place.
+    """
+    places = turns(block)
+    there = np.isfinite(places[0]) & np.isfinite(series[0])
+    if there.sum() < 2:
+        return np.full(places.shape, np.nan)
+    first = np.stack([np.interp(row, places[0][there], series[0][there], left=np.nan, right=np.nan) for row in places])
+    return series - first
+
+
+def heading_error(block: Block) -> Array:
+    """Return how far a trajectory's ``heading`` is from its reference's, judged by the others [rad], shape [n]."""
+    yaw = heading(matrices(block["reference_root_orientation"]))
+    yaw = np.where(np.isnan(yaw), np.nan, np.unwrap(np.where(np.isnan(yaw), 0.0, yaw), axis=1))
+    difference = wrapped(disagreement(block, yaw - block["heading"][:, None]))
+    typical = median(difference, 1)
+    return np.abs(wrapped(typical - median(typical[None], 1)))
+
+
+def path_error(block: Block) -> Array:
+    """Return how far the reference's path, turned back by ``heading``, is from the first one's [m], shape [n]."""
+    planar = block["reference_root_position"] * np.array([1.0, 1.0, 0.0])
+    back = turned(about_z(-block["heading"]), planar)
+    errors = []
+    for axis in range(2):
+        difference = disagreement(block, back[..., axis])
+        errors.append(root_mean_square(difference - median(difference, 1)[:, None], 1))
+    error = np.hypot(*errors)
+    return np.abs(error - median(error[None], 1))
+
+
+def distance(block: Block) -> Array:
+    """Return the root's distance from its reference [m], shape [n, num_rows]."""
+    return np.linalg.norm(block["root_position"] - block["reference_root_position"], axis=-1)
+
+
+def angle(block: Block) -> Array:
+    """Return the root's angle from its reference [rad], shape [n, num_rows]."""
+    return rotation_angle(block["root_orientation"], block["reference_root_orientation"])
+
+
+def beyond_distance(block: Block) -> Array | None:
+    """Return by how much a root is farther from its reference than accepted rollouts are [m]."""
+    limit = block.settings.max_distance
+    return None if limit is None else np.maximum(distance(block) - limit, 0.0)
+
+
+def beyond_angle(block: Block) -> Array | None:
+    """Return by how much a root is turned further from its reference than in accepted rollouts [rad]."""
+    limit = block.settings.max_angle
+    return None if limit is None else np.maximum(angle(block) - limit, 0.0)
+
+
+def beyond_rmse(block: Block) -> Array | None:
+    """Return by how much joints track worse than in accepted rollouts [rad], shape [n]."""
+    limit = block.settings.max_joint_rmse
+    rmse = root_mean_square(block["joint_position"] - block["reference_joint_position"], 1)
+    return None if limit is None else np.maximum(rmse - limit, 0.0)
+
+
+def scales(block: Block) -> Array | None:
+    """Return weight / control frequency of each reward term, shape [num_terms]."""
+    weights, frequency = block.settings.reward_weights, block.settings.control_frequency
+    return None if weights is None or frequency is None else np.array(weights) / frequency
+
+
+def reward_outside(block: Block) -> Array | None:
+    """Return by how much a reward is below 0 or above its largest value, in its scale, shape [n, num_rows]."""
+    scale = scales(block)
+    if scale is None:
+        return None
+    parts = block["reward"] / np.where(scale > 0.0, scale, 1.0)
+    highest = np.where(scale > 0.0, MAXIMUM_REWARDS, 0.0)
+    return np.maximum(largest(np.maximum(-parts, parts - highest), 2), 0.0)
+
+
+def joint_reward(block: Block) -> Array:
+    """Return exp(-5 * sum of squared joint position errors), shape [n, num_rows]."""
+    error = block["joint_position"] - block["reference_joint_position"]
+    return np.exp(-5.0 * np.sum(error**2, axis=-1))
+
+
+def foot_reward(block: Block) -> Array:
+    """Return exp(-40 * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
+    feet = (
+        turned(level(matrices(block[f"{whose}root_orientation"])), foot_positions(block.spec, block[joints]))
+        for whose, joints in (("", "joint_position"), ("reference_", "reference_joint_position"))
+    )
+    return np.exp(-40.0 * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
+
+
+def pose_reward(block: Block) -> Array:
+    """Return exp(-20 * distance^2) + exp(-10 * angle^2), shape [n, num_rows]."""
+    return np.exp(-20.0 * distance(block) ** 2) + np.exp(-10.0 * angle(block) ** 2)
+
+
+def reward_error(term: str, expected: Callable[[Block], Array]) -> Measure:
+    """Return a measure of how far a reward is from what the state and reference of the next row earn, in its scale."""
+    index = REWARD_TERMS.index(term)
+
+    def measure(block: Block) -> Array | None:
+        scale = scales(block)
+        if scale is None or scale[index] == 0.0:
+            return None
+        return np.abs(block["reward"][:, :-1, index] / scale[index] - expected(block)[:, 1:])
+
+    return measure
+
+
+def quality_error(name: str) -> Measure:
+    """Return a measure of how far a stored quality figure is from the rows' own, in parts of 1 + the figure."""
+
+    def measure(block: Block) -> Array | None:
+        figures = tracking_quality(block.rows)
+        if name not in figures:
+            return None
+        return np.abs(block[f"quality/{name}"] - figures[name]) / (1.0 + np.abs(figures[name]))
+
+    return measure
+
+
+JOINTS = ("joint_position", "reference_joint_position")
+ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
+FEET = ("link_position", "reference_foot_position")
+REWARDS = (
+    ("joint_position", joint_reward, JOINTS),
+    ("foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
+    ("root_pose", pose_reward, ROOTS),
+)
+"""Reward terms that rows alone determine: name, what they earn before the weight, arrays."""
+
+CHECKS = (
+    RowCheck(
+        "reference heading", "reference_root_orientation", ("reference_root_orientation", "heading", "phase", "cycle"),
+        "turned back by heading, all trajectories have the same reference orientation",
+        "the reference is turned otherwise than heading says: off", heading_error, 0.02, "rad",
+    ),
+    RowCheck(
+        "reference path", "reference_root_position", ("reference_root_position", "heading", "phase", "cycle"),
+        "turned back by heading, all trajectories have the same reference path",
+        "the reference goes another way than heading says: off", path_error, 0.02, "m",
+    ),
+    RowCheck(
+        "acceptance", "root_position", ("root_position", "reference_root_position"),
+        "no trajectory is farther from its reference than the settings accept",
+        "farther from the reference than accepted rollouts are", beyond_distance, 1e-3, "m",
+    ),
+    RowCheck(
+        "acceptance", "root_orientation", ("root_orientation", "reference_root_orientation"), "",
+        "turned further from the reference than accepted rollouts are", beyond_angle, 1e-3, "rad",
+    ),
+    RowCheck(
+        "acceptance", "joint_position", JOINTS, "",
+        "tracks worse than accepted rollouts do", beyond_rmse, 1e-3, "rad",
+    ),
+    RowCheck(
+        "reward range", "reward", ("reward",),
+        "rewards are between 0 and their largest value", "outside its range", reward_outside, 1e-4, "of the weight",
+    ),
+    *(
+        RowCheck(
+            f"{term.replace('_', ' ')} reward", "reward", ("reward", *needs),
+            f"the {term} reward of a row is what state and reference of the next row earn",
+            f"the {term} term is not what the next row earns: off", reward_error(term, expected),
+            1e-3, "of the weight",
+        )
+        for term, expected, needs in REWARDS
+    ),
+    *(
+        RowCheck(
+            "quality", f"quality/{array.name}", (f"quality/{array.name}", *JOINTS, *ROOTS, *FEET),
+            "quality figures are those of the rows", "not the figure of the rows: off", quality_error(array.name),
+            1e-5,
+        )
+        for array in QUALITY_ARRAYS
+    ),
+)  # fmt: skip
+"""All of them."""
