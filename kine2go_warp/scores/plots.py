@@ -20,8 +20,8 @@ COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
 """Of Okabe and Ito, which people with any colour vision can tell apart."""
 PHASE_BINS = 30
 """Places of the cycle at which errors are shown."""
-HEADINGS = 4
-"""Places of each path at which the robot's heading is shown."""
+HEADINGS = 3
+"""Places of each path at which the robot's heading is shown, beyond its start."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def draw_coverage(curves: MotionCurves) -> "Figure":
         colour = COLOURS[index % len(COLOURS)]
         axes.plot(*path.T, color=colour, linewidth=1.0)
         axes.plot(*path[0], color=colour, marker="o", markersize=4, linestyle="none")
-        shown = np.linspace(0, len(path) - 1, HEADINGS).round().astype(int)[1:]
+        shown = np.linspace(0, len(path) - 1, HEADINGS + 1).round().astype(int)[1:]
         arrow = 0.05 * size * np.stack([np.cos(heading[shown]), np.sin(heading[shown])])
         axes.quiver(*path[shown].T, *arrow, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.005)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")

@@ -1,8 +1,11 @@
 """What the pictures show, and that they are small and whole."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.scores.plots import PHASE_BINS, curves_of, draw, draw_coverage, draw_phase, quantiles_by_phase
 
 
@@ -26,9 +29,15 @@ def test_bins_without_rows_are_empty():
     assert result[1, -1] == 3.0, "rounding may give a phase of 1"
 
 
-def test_curves_hold_one_path_a_trajectory_without_padding(curves, simulated):
-    assert [len(path) for path in curves.paths] == simulated.trajectories.draws["length"].tolist()
-    np.testing.assert_allclose(curves.paths[2], simulated.trajectories.rows["root_position"][2, :, :2])
+def test_curves_hold_one_path_a_trajectory_without_padding(simulated):
+    length = simulated.trajectories.draws["length"].copy()
+    length[1] = 25
+    cut = Trajectories(simulated.trajectories.rows, {"length": length}).padded()
+    curves = curves_of(replace(simulated, trajectories=cut))
+    assert [len(path) for path in curves.paths] == [len(heading) for heading in curves.headings] == length.tolist()
+    for path, rows in zip(curves.paths, cut.rows["root_position"], strict=True):
+        np.testing.assert_allclose(path, rows[: len(path), :2])
+    assert draw_coverage(curves).axes[0].get_xlim()[0] > -100.0, "finite limits"
 
 
 def test_every_trajectory_is_drawn_with_its_heading(curves):

@@ -73,6 +73,13 @@ def test_padding_changes_no_figure(rollouts):
             np.testing.assert_allclose(both[1:], metric.compute(rollouts)[1:], rtol=1e-9, err_msg=metric.name)
 
 
+def test_rollouts_are_counted_as_the_gathering_counted_them(simulated):
+    attributes = simulated.attributes | {"accepted": 4, "rejected": {"distance": 2, "body_contact": 1}}
+    counted = Rollouts.of(replace(simulated, attributes=attributes), GO2)
+    assert (counted.accepted, counted.rejected) == (4, 3)
+    assert counted.frame_duration == pytest.approx(1.0 / 60.0)
+
+
 def test_survival_and_acceptance_count_rollouts(rollouts):
     length = rollouts.length.copy()
     length[0] = 25
