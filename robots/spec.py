@@ -76,6 +76,11 @@ class RobotSpec:
         return tuple(name.removesuffix("_joint") for name in self.joint_names) + self.foot_links
 
     @cached_property
+    def mass(self) -> float:
+        """Mass of all links of the URDF [kg]."""
+        return sum(float(mass.attrib["value"]) for mass in ElementTree.parse(self.urdf).iter("mass"))
+
+    @cached_property
     def model_hash(self) -> str:
         """SHA-256 of the URDF, to tell which model a dataset was made with."""
         return hashlib.sha256(self.urdf.read_bytes()).hexdigest()

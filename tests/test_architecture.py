@@ -20,8 +20,9 @@ ALLOWED = {
     "dataset": {"dataset", "kernels", "robots"},
     "rollouts": {"rollouts", "dataset", "learning", "env", "kernels", "motions", "robots"},
     "recordings": {"recordings", "dataset", "robots"},
+    "scores": {"scores", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
-    "cli": {"cli", "pipelines", "rollouts", "dataset", "learning", "motions", "robots"},
+    "cli": {"cli", "pipelines", "scores", "rollouts", "dataset", "learning", "motions", "robots"},
 }
 """Which parts each part of the package may import, besides the leaves."""
 

@@ -10,12 +10,14 @@ import tyro
 from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
 from kine2go_warp.cli.motion_commands import Bench, Cycles, Retarget, Sources
+from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
 
 Command = (
     Annotated[Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Gather, tyro.conf.subcommand("gather")]
+    | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Check, tyro.conf.subcommand("check")]

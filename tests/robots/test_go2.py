@@ -39,6 +39,7 @@ def test_masses_are_those_of_the_go2():
             assert masses[f"{leg}_{part}"] == mass
     # The manufacturer's 15.019 kg count two more parts of the head, of 1 g each.
     assert sum(masses.values()) == pytest.approx(15.019, abs=0.0025)
+    assert GO2.mass == pytest.approx(sum(masses.values()))
 
 
 def test_every_inertia_is_that_of_a_real_body():

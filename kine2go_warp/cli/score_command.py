@@ -1,0 +1,123 @@
+"""The command that scores a dataset."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from kine2go_warp.errors import DatasetError
+
+if TYPE_CHECKING:
+    from kine2go_warp.scores.report import DatasetScores
+
+Positional = tyro.conf.Positional
+
+HEADLINES = {
+    "joint_rmse": "joint\nRMSE\n[rad]",
+    "root_error": "root\nerror\n[m]",
+    "foot_error": "foot\nerror\n[m]",
+    "body_emd": "body\nEMD\n[m]",
+    "foot_slip": "foot\nslip\n[m/s]",
+    "acceptance": "acc-\nepted\n[1]",
+}
+"""Figures that are shown of every motion, with their headings."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score the rollouts of a dataset: tracking, Earth Mover's Distance, slip, effort, smoothness, with intervals."""
+
+    dataset: Positional[Path]
+    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    motions: Positional[tuple[str, ...]] = ()
+    """Names of its motions; by default all of them."""
+    json: Path | None = None
+    """Write all figures of all motions to this file."""
+    plots: Path | None = None
+    """Draw root paths and errors over the cycle of each motion into this folder."""
+    overwrite: bool = False
+    """Replace a file and pictures that are there already."""
+
+    def run(self) -> int:
+        """Score, write and draw, and print tables."""
+        from rich.progress import track
+
+        from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.reader import read_motion
+        from kine2go_warp.robots import GO2
+        from kine2go_warp.scores.plots import curves_of, draw
+        from kine2go_warp.scores.report import chosen_motions, measure, robot_note, score, write_json
+
+        names = chosen_motions(self.dataset, self.motions)
+        self._check_outputs()
+        output = console()
+        measured, curves = [], []
+        for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
+            data = read_motion(self.dataset, name)
+            measured.append(measure(data, GO2))
+            if self.plots is not None:
+                curves.append(curves_of(data))
+        scores = score(measured)
+        if self.json is not None:
+            write_json(self.dataset, measured, scores, self.json)
+        if self.plots is not None:
+            for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
+                draw(one, self.plots)
+        print_scores(scores, self.dataset)
+        if note := robot_note(self.dataset, GO2):
+            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
+        return 0
+
+    def _check_outputs(self) -> None:
+        """Check that nothing will be overwritten by accident, before the work begins.
+
+        Raises:
+            DatasetError: something is in the way.
+        """
+        if self.plots is not None and self.plots.exists() and not self.plots.is_dir():
+            raise DatasetError(f"{self.plots}: is a file; name a folder for the pictures")
+        if self.json is not None and self.json.is_dir():
+            raise DatasetError(f"{self.json}: is a folder; name a file for the figures")
+        if self.overwrite:
+            return
+        if self.json is not None and self.json.exists():
+            raise DatasetError(f"{self.json}: exists; choose another name, or replace it with --overwrite")
+        if self.plots is not None and self.plots.is_dir() and any(self.plots.iterdir()):
+            raise DatasetError(f"{self.plots}: not empty; choose another folder, or draw into it with --overwrite")
+
+
+def print_scores(scores: "DatasetScores", dataset: Path) -> None:
+    """Print a line a motion, then all figures of all of them together."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from kine2go_warp.cli.tables import console
+    from kine2go_warp.scores.registry import METRICS
+
+    output = console()
+    motions = list(scores.motions)
+    if len(motions) > 1:
+        table = Table(title=escape(f"{dataset}: motions"), title_justify="left")
+        table.add_column("motion", overflow="fold")
+        for heading in HEADLINES.values():
+            table.add_column(escape(heading), justify="right")
+        for motion, estimates in scores.motions.items():
+            table.add_row(motion, *(figure(estimates[name].value) for name in HEADLINES))
+        output.print(table)
+    title = motions[0] if len(motions) == 1 else f"all {len(motions)} motions, each counts the same"
+    table = Table(title=escape(f"{dataset}: {title}"), title_justify="left")
+    for heading in ("figure", "unit", "mean", "95 % interval", "better"):
+        table.add_column(heading, justify="right" if heading in ("mean", "95 % interval") else "left")
+    for metric in METRICS:
+        estimate = scores.overall[metric.name]
+        interval = f"{figure(estimate.low)} to {figure(estimate.high)}"
+        table.add_row(metric.name, metric.unit, figure(estimate.value), interval, metric.better)
+    output.print(table)
+
+
+def figure(value: float) -> str:
+    """Return a number with three significant digits."""
+    if value != value:  # noqa: PLR0124 - NaN differs from itself
+        return "-"
+    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

@@ -1,0 +1,185 @@
+"""Figures of rollouts as pure functions that need NumPy alone.
+
+Every function takes arrays of shape [num_trajectories, num_rows, ...], in which rows beyond a trajectory's end are NaN,
+and returns one figure a trajectory, shape [num_trajectories]; NaN where a trajectory has nothing to measure. Positions
+and velocities are in the world frame unless a name says otherwise, quaternions are (w, x, y, z).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.scores.quaternions import conjugate, multiply, rotate, rotation_vector
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+CONTACT_FORCE = 1.0
+"""A foot that the floor pushes harder than this is in contact [N]."""
+SATURATION = 0.999
+"""A torque above this share of the motor's largest counts as saturated."""
+LIMIT_MARGIN = 0.01
+"""A joint this close to one of its limits counts as being at it [rad]."""
+LEAST_SPEED = 0.05
+"""Below this mean speed there is no transport to speak of [m/s]."""
+FOOT_LINKS = slice(12, 16)
+"""Where the feet are among the links."""
+CALF_LINKS = slice(2, 12, 3)
+"""Where the knees, the joint centres of the calves, are among the links."""
+
+
+def mean_per_trajectory(values: NDArray) -> Array:
+    """Return the mean over all axes but the first, without NaN."""
+    values = np.asarray(values, np.float64).reshape(len(values), -1)
+    there = ~np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        return np.sum(values, axis=1, where=there) / there.sum(axis=1)
+
+
+def share_per_trajectory(happens: NDArray[np.bool_], values: NDArray) -> Array:
+    """Return in which share of the entries of ``values`` that are not NaN something happens."""
+    return mean_per_trajectory(np.where(np.isnan(values), np.nan, happens))
+
+
+def mean_distance(a: NDArray, b: NDArray) -> Array:
+    """Return the mean length of ``a - b``, vectors along the last axis."""
+    return mean_per_trajectory(np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1))
+
+
+def mean_square(a: NDArray, b: NDArray) -> Array:
+    """Return the mean square of ``a - b`` over rows and components."""
+    return mean_per_trajectory((np.asarray(a, np.float64) - b) ** 2)
+
+
+def root_mean_square(a: NDArray, b: NDArray) -> Array:
+    """Return the root of the mean square of ``a - b`` over rows and components."""
+    return np.sqrt(mean_square(a, b))
+
+
+def rotation_error(orientation: NDArray, reference: NDArray) -> Array:
+    """Return the mean angle between orientations [rad]."""
+    turn = rotation_vector(multiply(orientation, conjugate(reference)))
+    return mean_per_trajectory(np.linalg.norm(turn, axis=-1))
+
+
+def in_base_frame(points: NDArray, root_position: NDArray, root_orientation: NDArray) -> Array:
+    """Return points as seen from the base [m], shape [num_trajectories, num_rows, num_points, 3]."""
+    offset = np.asarray(points, np.float64) - root_position[..., None, :]
+    return rotate(conjugate(root_orientation)[..., None, :], offset)
+
+
+def central_difference(values: NDArray, frame_duration: float) -> Array:
+    """Return rates of change at all rows but the first and last, shape [num_trajectories, num_rows - 2, ...]."""
+    values = np.asarray(values, np.float64)
+    return (values[:, 2:] - values[:, :-2]) / (2.0 * frame_duration)
+
+
+def angular_velocity(orientation: NDArray, frame_duration: float) -> Array:
+    """Return angular velocities in the world frame [rad/s] at all rows but the first and last."""
+    turn = multiply(orientation[:, 2:], conjugate(orientation[:, :-2]))
+    return rotation_vector(turn) / (2.0 * frame_duration)
+
+
+def linear_velocity_error(velocity: NDArray, reference_position: NDArray, frame_duration: float) -> Array:
+    """Return the mean length of the velocity error [m/s]; the reference's is a central difference."""
+    return mean_distance(velocity[:, 1:-1], central_difference(reference_position, frame_duration))
+
+
+def angular_velocity_error(velocity: NDArray, reference_orientation: NDArray, frame_duration: float) -> Array:
+    """Return the mean length of the angular velocity error [rad/s]; the reference's is a central difference."""
+    return mean_distance(velocity[:, 1:-1], angular_velocity(reference_orientation, frame_duration))
+
+
+def joint_velocity_error(velocity: NDArray, reference_position: NDArray, frame_duration: float) -> Array:
+    """Return the root mean square joint velocity error [rad/s]; the reference's is a central difference."""
+    return root_mean_square(velocity[:, 1:-1], central_difference(reference_position, frame_duration))
+
+
+def foot_slip(
+    link_position: NDArray,
+    link_linear_velocity: NDArray,
+    foot_contact_force: NDArray,
+    foot_radius: float = 0.0,
+    contact_force: float = CONTACT_FORCE,
+) -> Array:
+    """Return the mean horizontal speed of the feet over those rows and feet that are in contact [m/s].
+
+    Args:
+        link_position: Joint centres and feet [m], shape [num_trajectories, num_rows, 16, 3].
+        link_linear_velocity: Their velocities [m/s], same shape.
+        foot_contact_force: Force of the floor on each foot [N], shape [num_trajectories, num_rows, 4, 3].
+        foot_radius: Radius of the feet [m]. The speed is that of the lowest point of the sphere, so that a foot that
+            rolls without slipping does not count; with 0 it is that of the foot's centre.
+        contact_force: Least force of a contact [N].
+    """
+    position, velocity = (np.asarray(values, np.float64) for values in (link_position, link_linear_velocity))
+    calf = position[:, :, FOOT_LINKS] - position[:, :, CALF_LINKS]
+    motion = velocity[:, :, FOOT_LINKS] - velocity[:, :, CALF_LINKS]
+    # Of the calf's angular velocity this is all but the spin about the calf itself, which points do not show.
+    spin = np.cross(calf, motion) / np.sum(calf**2, axis=-1, keepdims=True)
+    lowest = velocity[:, :, FOOT_LINKS] + np.cross(spin, (0.0, 0.0, -foot_radius))
+    speed = np.linalg.norm(lowest[..., :2], axis=-1)
+    contact = np.linalg.norm(foot_contact_force, axis=-1) > contact_force
+    return mean_per_trajectory(np.where(contact, speed, np.nan))
+
+
+def mechanical_power(joint_torque: NDArray, joint_velocity: NDArray) -> Array:
+    """Return the mean over rows of the sum over joints of the size of torque times velocity [W]."""
+    power = np.abs(np.asarray(joint_torque, np.float64) * joint_velocity)
+    return mean_per_trajectory(np.sum(power, axis=-1))
+
+
+def mean_speed(root_position: NDArray, frame_duration: float) -> Array:
+    """Return the length of the root's path in the plane by its duration [m/s]."""
+    steps = np.linalg.norm(np.diff(np.asarray(root_position, np.float64)[..., :2], axis=1), axis=-1)
+    return mean_per_trajectory(steps) / frame_duration
+
+
+def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
+    """Return power by weight and speed [1], NaN for a robot that hardly moves; all but ``mass`` [num_trajectories]."""
+    moves = speed > LEAST_SPEED
+    return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
+
+
+def torque_saturation(joint_torque: NDArray, joint_effort: NDArray | tuple[float, ...]) -> Array:
+    """Return the share of torques [N m] at the largest that the motors give, ``joint_effort`` of shape [num_joints]."""
+    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(joint_effort), joint_torque)
+
+
+def joint_limit_share(
+    joint_position: NDArray,
+    lower: NDArray | tuple[float, ...],
+    upper: NDArray | tuple[float, ...],
+    margin: float = LIMIT_MARGIN,
+) -> Array:
+    """Return the share of joint positions at their limits [rad], shape [num_joints], or beyond them."""
+    position = np.asarray(joint_position, np.float64)
+    reached = (position <= np.asarray(lower) + margin) | (position >= np.asarray(upper) - margin)
+    return share_per_trajectory(reached, position)
+
+
+def action_saturation(
+    command: NDArray, lower: NDArray | tuple[float, ...], upper: NDArray | tuple[float, ...]
+) -> Array:
+    """Return the share of commands beyond what can be followed.
+
+    Commands are joint targets [rad] with the joints' limits, or actions with the bounds that the controller clips to.
+    """
+    command = np.asarray(command, np.float64)
+    return share_per_trajectory((command < np.asarray(lower)) | (command > np.asarray(upper)), command)
+
+
+def mean_change(values: NDArray) -> Array:
+    """Return the mean size of the change from one row to the next, over rows and components."""
+    return mean_per_trajectory(np.abs(np.diff(np.asarray(values, np.float64), axis=1)))
+
+
+def joint_acceleration(joint_velocity: NDArray, frame_duration: float) -> Array:
+    """Return the mean size of the change of joint velocity from row to row [rad/s^2]."""
+    return mean_change(joint_velocity) / frame_duration
+
+
+def joint_jerk(joint_velocity: NDArray, frame_duration: float) -> Array:
+    """Return the mean size of the second difference of joint velocity [rad/s^3]."""
+    second = np.diff(np.asarray(joint_velocity, np.float64), n=2, axis=1)
+    return mean_per_trajectory(np.abs(second)) / frame_duration**2

@@ -1,0 +1,223 @@
+"""Every figure that a dataset is scored by: name, unit, meaning, and how it is computed."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.reader import MotionData
+from kine2go_warp.robots import RobotSpec
+from kine2go_warp.scores import metrics, transport
+from kine2go_warp.scores.metrics import FOOT_LINKS
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """What figures are computed from."""
+
+    rows: Mapping[str, NDArray]
+    """Row arrays of the dataset, each of shape [num_trajectories, num_rows, ...], NaN beyond a trajectory's end."""
+    length: NDArray
+    """Rows of each trajectory, shape [num_trajectories]."""
+    frame_duration: float
+    """[s]"""
+    accepted: int
+    """Rollouts that are in the dataset."""
+    rejected: int
+    """Rollouts that were run and are not."""
+    spec: RobotSpec
+    """The robot."""
+
+    @classmethod
+    def of(cls, data: MotionData, spec: RobotSpec) -> "Rollouts":
+        """Take them from a motion of a dataset."""
+        length = data.trajectories.draws["length"]
+        return cls(
+            rows=data.trajectories.rows,
+            length=length,
+            frame_duration=float(data.time[1] - data.time[0]),
+            accepted=int(data.attributes.get("accepted", len(length))),
+            rejected=sum(data.attributes.get("rejected", {}).values()),
+            spec=spec,
+        )
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One figure."""
+
+    name: str
+    unit: str
+    description: str
+    compute: Callable[[Rollouts], NDArray]
+    """Returns one figure a trajectory; of a share, whether it happened to each rollout."""
+    better: Literal["lower", "higher"] = "lower"
+    is_share: bool = False
+    """Whether it counts rollouts to which something happened."""
+
+
+def _feet_in_base(rollouts: Rollouts) -> NDArray:
+    """Return the mean distance of the feet from their references, both seen from their own base [m]."""
+    rows = rollouts.rows
+    feet = metrics.in_base_frame(
+        rows["link_position"][:, :, FOOT_LINKS], rows["root_position"], rows["root_orientation"]
+    )
+    reference = metrics.in_base_frame(
+        rows["reference_foot_position"], rows["reference_root_position"], rows["reference_root_orientation"]
+    )
+    return metrics.mean_distance(feet, reference)
+
+
+def _power(rollouts: Rollouts) -> NDArray:
+    """Return the mechanical power [W]."""
+    return metrics.mechanical_power(rollouts.rows["joint_torque"], rollouts.rows["joint_velocity"])
+
+
+METRICS = (
+    Metric(
+        "joint_mse",
+        "rad^2",
+        "mean square joint position error",
+        lambda r: metrics.mean_square(r.rows["joint_position"], r.rows["reference_joint_position"]),
+    ),
+    Metric(
+        "joint_rmse",
+        "rad",
+        "root mean square joint position error",
+        lambda r: metrics.root_mean_square(r.rows["joint_position"], r.rows["reference_joint_position"]),
+    ),
+    Metric(
+        "root_error",
+        "m",
+        "mean distance of the root from its reference",
+        lambda r: metrics.mean_distance(r.rows["root_position"], r.rows["reference_root_position"]),
+    ),
+    Metric(
+        "root_angle",
+        "rad",
+        "mean angle of the root from its reference",
+        lambda r: metrics.rotation_error(r.rows["root_orientation"], r.rows["reference_root_orientation"]),
+    ),
+    Metric(
+        "foot_error",
+        "m",
+        "mean distance of the four feet from their references in the world (MPJPE of the feet)",
+        lambda r: metrics.mean_distance(r.rows["link_position"][:, :, FOOT_LINKS], r.rows["reference_foot_position"]),
+    ),
+    Metric("foot_error_in_base", "m", "the same, robot and reference each seen from its own base", _feet_in_base),
+    Metric(
+        "root_velocity_error",
+        "m/s",
+        "mean length of the root's velocity error",
+        lambda r: metrics.linear_velocity_error(
+            r.rows["root_linear_velocity"], r.rows["reference_root_position"], r.frame_duration
+        ),
+    ),
+    Metric(
+        "root_turn_rate_error",
+        "rad/s",
+        "mean length of the root's angular velocity error",
+        lambda r: metrics.angular_velocity_error(
+            r.rows["root_angular_velocity"], r.rows["reference_root_orientation"], r.frame_duration
+        ),
+    ),
+    Metric(
+        "joint_velocity_error",
+        "rad/s",
+        "root mean square joint velocity error",
+        lambda r: metrics.joint_velocity_error(
+            r.rows["joint_velocity"], r.rows["reference_joint_position"], r.frame_duration
+        ),
+    ),
+    Metric(
+        "joint_emd",
+        "rad",
+        "Earth Mover's Distance of joint positions, root mean square over the joints",
+        lambda r: transport.joint_distance(r.rows),
+    ),
+    Metric(
+        "body_emd",
+        "m",
+        "Earth Mover's Distance of root and links, root mean square over the points",
+        lambda r: transport.body_distance(r.rows, r.spec),
+    ),
+    Metric(
+        "foot_slip",
+        "m/s",
+        f"mean horizontal speed of the lowest point of a foot while the floor pushes it with more than "
+        f"{metrics.CONTACT_FORCE:g} N",
+        lambda r: metrics.foot_slip(
+            r.rows["link_position"], r.rows["link_linear_velocity"], r.rows["foot_contact_force"], r.spec.foot_radius
+        ),
+    ),
+    Metric("power", "W", "mechanical power: mean over rows of the sum over joints of abs(torque x velocity)", _power),
+    Metric(
+        "cost_of_transport",
+        "1",
+        "mechanical power by weight and speed along the path",
+        lambda r: metrics.cost_of_transport(
+            _power(r), metrics.mean_speed(r.rows["root_position"], r.frame_duration), r.spec.mass
+        ),
+    ),
+    Metric(
+        "torque_saturation",
+        "1",
+        "share of torques at the motors' limit",
+        lambda r: metrics.torque_saturation(r.rows["joint_torque"], r.spec.joint_effort),
+    ),
+    Metric(
+        "joint_limits",
+        "1",
+        f"share of joint positions within {metrics.LIMIT_MARGIN:g} rad of a limit, or beyond it",
+        lambda r: metrics.joint_limit_share(r.rows["joint_position"], r.spec.joint_lower, r.spec.joint_upper),
+    ),
+    Metric(
+        "action_saturation",
+        "1",
+        "share of commanded joint targets beyond the joints' limits",
+        lambda r: metrics.action_saturation(r.rows["joint_target"], r.spec.joint_lower, r.spec.joint_upper),
+    ),
+    Metric(
+        "action_rate",
+        "1",
+        "mean change of the action from row to row",
+        lambda r: metrics.mean_change(r.rows["action"]),
+    ),
+    Metric(
+        "joint_acceleration",
+        "rad/s^2",
+        "mean size of the joint accelerations",
+        lambda r: metrics.joint_acceleration(r.rows["joint_velocity"], r.frame_duration),
+    ),
+    Metric(
+        "joint_jerk",
+        "rad/s^3",
+        "mean size of the joint jerks",
+        lambda r: metrics.joint_jerk(r.rows["joint_velocity"], r.frame_duration),
+    ),
+    Metric(
+        "survival",
+        "1",
+        "share of trajectories of full length",
+        lambda r: r.length == r.rows["root_position"].shape[1],
+        better="higher",
+        is_share=True,
+    ),
+    Metric(
+        "acceptance",
+        "1",
+        "share of rollouts that were accepted into the dataset",
+        lambda r: np.repeat([True, False], [r.accepted, r.rejected]),
+        better="higher",
+        is_share=True,
+    ),
+)
+"""All figures, in the order in which they are shown."""
+
+
+def markdown_table() -> str:
+    """Return the figures and their meanings as a table in Markdown."""
+    rows = [f"| `{metric.name}` | {metric.unit} | {metric.better} | {metric.description} |" for metric in METRICS]
+    return "\n".join(["| figure | unit | better | meaning |", "|---|---|---|---|", *rows]) + "\n"

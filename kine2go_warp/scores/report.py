@@ -1,0 +1,129 @@
+"""Scores of a dataset, motion by motion and overall, and the JSON file that holds them."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.reader import MotionData, motion_names
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.files import atomic_file
+from kine2go_warp.robots import RobotSpec
+from kine2go_warp.scores import statistics, transport
+from kine2go_warp.scores.registry import METRICS, Rollouts
+from kine2go_warp.scores.statistics import Estimate, estimate_mean, estimate_share
+
+
+@dataclass(frozen=True)
+class MotionFigures:
+    """The figures of one motion, one a trajectory."""
+
+    motion: str
+    trajectories: int
+    rows: int
+    """Rows of all trajectories together."""
+    figures: Mapping[str, NDArray]
+    """By the names in ``METRICS``, each of shape [num_trajectories]; shares [num_rollouts]."""
+
+
+@dataclass(frozen=True)
+class DatasetScores:
+    """Means with intervals, each by the names in ``METRICS``."""
+
+    motions: Mapping[str, Mapping[str, Estimate]]
+    """By motion."""
+    overall: Mapping[str, Estimate]
+
+
+def chosen_motions(path: Path, motions: Sequence[str]) -> list[str]:
+    """Return the motions of a dataset that are named, or all of them.
+
+    Raises:
+        DatasetError: there is no dataset, it is empty, or it lacks one of them.
+    """
+    known = motion_names(path)
+    if not known:
+        raise DatasetError(f"{path}: holds no motions; add some with 'kine2go gather'")
+    missing = [motion for motion in motions if motion not in known]
+    if missing:
+        raise DatasetError(f"{path}: holds no motion '{missing[0]}'; it has: {', '.join(known)}")
+    return list(dict.fromkeys(motions)) or known
+
+
+def robot_note(path: Path, spec: RobotSpec) -> str:
+    """Return a remark if a dataset was made with another model of the robot, whose limits and mass are unknown here."""
+    import zarr
+
+    if zarr.open_group(path, mode="r").attrs.get("robot_model_sha256") == spec.model_hash:
+        return ""
+    return "made with another robot model: feet, limits and mass are taken from the present one"
+
+
+def measure(data: MotionData, spec: RobotSpec) -> MotionFigures:
+    """Compute all figures of a motion."""
+    rollouts = Rollouts.of(data, spec)
+    return MotionFigures(
+        motion=data.name,
+        trajectories=len(rollouts.length),
+        rows=int(rollouts.length.sum()),
+        figures={metric.name: metric.compute(rollouts) for metric in METRICS},
+    )
+
+
+def score(measured: Sequence[MotionFigures]) -> DatasetScores:
+    """Turn figures into means with intervals."""
+    return DatasetScores({one.motion: _estimates([one]) for one in measured}, _estimates(measured))
+
+
+def _estimates(measured: Sequence[MotionFigures]) -> dict[str, Estimate]:
+    """Return all estimates over some motions."""
+    return {
+        metric.name: (estimate_share if metric.is_share else estimate_mean)(
+            [one.figures[metric.name] for one in measured]
+        )
+        for metric in METRICS
+    }
+
+
+def write_json(dataset: Path, measured: Sequence[MotionFigures], scores: DatasetScores, path: Path) -> None:
+    """Write scores, what they mean and how they were computed; null stands for what cannot be measured."""
+    content = {
+        "dataset": str(dataset),
+        "settings": {
+            "confidence": statistics.CONFIDENCE,
+            "resamples": statistics.RESAMPLES,
+            "seed": statistics.SEED,
+            "emd_most_samples": transport.MOST_SAMPLES,
+        },
+        "metrics": {
+            metric.name: {"unit": metric.unit, "better": metric.better, "description": metric.description}
+            for metric in METRICS
+        },
+        "overall": _plain(scores.overall),
+        "motions": {
+            one.motion: {
+                "trajectories": one.trajectories,
+                "rows": one.rows,
+                "scores": _plain(scores.motions[one.motion]),
+            }
+            for one in measured
+        },
+    }
+    with atomic_file(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def _plain(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
+    """Return estimates as JSON has them: null instead of NaN."""
+
+    def without_nan(value: float) -> float | None:
+        return None if math.isnan(value) else value
+
+    return {
+        name: {field: without_nan(value) for field, value in asdict(estimate).items()}
+        for name, estimate in estimates.items()
+    }
