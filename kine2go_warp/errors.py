@@ -23,3 +23,7 @@ class PolicyError(Kine2GoError):
 
 class DatasetError(Kine2GoError):
     """A dataset cannot be read or written."""
+
+
+class ExportError(Kine2GoError):
+    """A dataset cannot be exported as asked."""

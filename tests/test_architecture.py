@@ -17,11 +17,12 @@ ALLOWED = {
     "motions": {"motions", "robots"},
     "env": {"env", "kernels", "motions", "robots"},
     "learning": {"learning", "env", "kernels", "motions", "robots"},
-    "dataset": {"dataset", "kernels", "robots"},
+    "dataset": {"dataset", "robots"},
     "rollouts": {"rollouts", "dataset", "learning", "env", "kernels", "motions", "robots"},
+    "exports": {"exports", "dataset"},
     "recordings": {"recordings", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
-    "cli": {"cli", "pipelines", "rollouts", "dataset", "learning", "motions", "robots"},
+    "cli": {"cli", "pipelines", "exports", "rollouts", "dataset", "learning", "motions", "robots"},
 }
 """Which parts each part of the package may import, besides the leaves."""
 

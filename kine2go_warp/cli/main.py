@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
+from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.motion_commands import Bench, Cycles, Retarget, Sources
 from kine2go_warp.errors import Kine2GoError
 
@@ -20,6 +21,7 @@ Command = (
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 
