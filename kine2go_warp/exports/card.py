@@ -101,12 +101,18 @@ def quality_table(dataset: Dataset, groups: dict[str, list[TrajectoryReference]]
     figures = [name for name, spec in motion.trajectory_arrays.items() if is_figure(name, spec.dims)]
     rows = []
     for name, references in groups.items():
-        means = [np.mean([float(one.values[figure]) for one in references]) for figure in figures]
-        rows.append((f"`{name}`", *(f"{mean:.4g}" for mean in means)))
+        rows.append((f"`{name}`", *(mean_text([one.values[figure] for one in references]) for figure in figures)))
     described = [motion.trajectory_arrays[figure] for figure in figures]
     headings = [f"{figure.partition('/')[2]} [{spec.unit}]" for figure, spec in zip(figures, described, strict=True)]
     meanings = [f"- `{spec.name.partition('/')[2]}`: {spec.description}" for spec in described]
     return "\n\n".join([table(("motion", *headings), rows), "\n".join(meanings)])
+
+
+def mean_text(values: Sequence[float]) -> str:
+    """Return the mean of those values that are numbers, as text."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[~np.isnan(known)]
+    return f"{known.mean():.4g}" if len(known) else "-"
 
 
 def is_figure(name: str, dims: tuple[str, ...]) -> bool:

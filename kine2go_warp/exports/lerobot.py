@@ -79,7 +79,7 @@ def write_lerobot(
         The features, besides ``INDEX_FEATURES``.
 
     Raises:
-        ExportError: the rate is not a whole number of frames a second.
+        ExportError: the rate is not a whole number of frames a second, or a value is not a finite number.
         DatasetError: an array cannot be read.
     """
     if dataset.rate != round(dataset.rate):
@@ -95,6 +95,7 @@ def write_lerobot(
     ):
         for number, one in enumerate(dataset.trajectories(arrays=arrays)):
             columns = episode_columns(one, fields, number, rows, tasks.index(one.motion), dataset.rate)
+            check_finite(dataset, one, columns)
             found = episode_statistics(columns)
             total = merged_statistics(total, found)
             episodes.add(one, number, rows, data.place(), found)
@@ -146,6 +147,19 @@ def episode_columns(
         "index": first_row + frames,
         "task_index": np.full(one.length, task, dtype=np.int64),
     }
+
+
+def check_finite(dataset: Dataset, one: TrajectoryReference, columns: dict[str, NDArray]) -> None:
+    """Check that an episode holds finite numbers only, without which its statistics would be useless.
+
+    Raises:
+        ExportError: it does not; the message names trajectory, feature and row.
+    """
+    for name, values in columns.items():
+        finite = np.isfinite(values.reshape(one.length, -1)).all(axis=1)
+        if not finite.all():
+            where = f"{dataset.path}/{one.motion}: trajectory {one.index}, row {int(np.argmin(finite))}"
+            raise ExportError(f"{where}: {name} is not finite; leave the motion out, or gather it again")
 
 
 def as_table(columns: dict[str, NDArray]) -> pa.Table:

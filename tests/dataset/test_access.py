@@ -1,18 +1,18 @@
 """A dataset by trajectory and by window, compared with the arrays that were written."""
 
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import zarr
 
 from kine2go_warp.dataset import motion as motion_module
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, REWARD_TERMS, ROW_ARRAYS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.trajectories import Trajectories
-from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.dataset.writer import DatasetWriter, consolidate
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from tests.dataset.test_store import SIMULATION, made_up
@@ -21,9 +21,10 @@ from tests.test_architecture import run_without
 LENGTHS = [20, 15, 20]
 
 
-@pytest.fixture
-def written(rng):
+@pytest.fixture(scope="module")
+def written():
     """Two motions; the middle trajectory of each is short and without noise."""
+    rng = np.random.default_rng(0)
     motions = {}
     for name in ("one", "two"):
         data = made_up(rng)
@@ -31,12 +32,19 @@ def written(rng):
     return motions
 
 
-@pytest.fixture
-def store(tmp_path, written):
-    path = tmp_path / "dataset.zarr"
+@pytest.fixture(scope="module")
+def pristine(written, tmp_path_factory):
+    """The dataset, not to be changed."""
+    path = tmp_path_factory.mktemp("pristine") / "dataset.zarr"
     for name, data in written.items():
         DatasetWriter(path, GO2).write(name, data, SIMULATION, {"rejected": {}, "licence": "CC0"})
     return path
+
+
+@pytest.fixture
+def store(pristine, tmp_path):
+    """A copy of the dataset."""
+    return shutil.copytree(pristine, tmp_path / pristine.name)
 
 
 def test_trajectories_come_back_bit_for_bit_and_without_padding(store, written):
@@ -147,19 +155,19 @@ def test_rejected_rollouts_are_not_used(store, rng):
     DatasetWriter(other, GO2).write("one", made_up(rng), SIMULATION, {"rejected": {}})
     (other / "one").rename(store / "one" / "rejected")
     metadata = store / "one" / "zarr.json"
-    zarr.consolidate_metadata(str(store / "one"), zarr_format=3)
+    consolidate(store / "one")
     assert "rejected/action" in metadata.read_text()
     after = open_dataset(store)
     assert after.num_rows == before.num_rows
     assert set(after.motion("one").arrays) == set(before.motion("one").arrays)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # the figures of its quality are of no rows
 def test_an_empty_trajectory_is_left_out(tmp_path, rng):
     data = made_up(rng)
     draws = {**data.draws, "length": np.array([20, 0, 20], dtype=np.int32)}
     path = tmp_path / "dataset.zarr"
-    with np.errstate(invalid="ignore"), pytest.warns(RuntimeWarning):  # the figures of its quality are of no rows
-        DatasetWriter(path, GO2).write("one", Trajectories(data.rows, draws), SIMULATION, {"rejected": {}})
+    DatasetWriter(path, GO2).write("one", Trajectories(data.rows, draws), SIMULATION, {"rejected": {}})
     assert [one.index for one in open_dataset(path).references] == [0, 2]
 
 

@@ -16,11 +16,12 @@ from kine2go_warp.robots import GO2
 from tests.dataset.test_store import SIMULATION, made_up
 
 
-@pytest.fixture
-def dataset(tmp_path, rng):
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    path, rng = tmp_path_factory.mktemp("data") / "dataset.zarr", np.random.default_rng(0)
     for name in ("one", "two"):
-        DatasetWriter(tmp_path / "dataset.zarr", GO2).write(name, made_up(rng), SIMULATION, {"rejected": {}})
-    return open_dataset(tmp_path / "dataset.zarr")
+        DatasetWriter(path, GO2).write(name, made_up(rng), SIMULATION, {"rejected": {}})
+    return open_dataset(path)
 
 
 def test_figures_of_every_array_agree_with_numpy_over_all_rows(dataset):
