@@ -29,7 +29,7 @@ def kine2go(*arguments, cwd, **options):
     )
 
 
-COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "sources", "cycles", "bench", "doctor"]
+COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "sources", "cycles", "bench", "export", "doctor"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -34,7 +34,7 @@ def expected_features(group: zarr.Group, trajectory: int, names: list[str]) -> d
 
 def main(export: Path, store: Path) -> None:
     dataset = LeRobotDataset("local/go2", root=export)
-    root = zarr.open_group(store, mode="r")
+    root = zarr.open_group(store, mode="r", use_consolidated=False)
     names = list(dataset.meta.features)
     compared = 0
     for episode in dataset.meta.episodes:

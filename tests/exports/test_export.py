@@ -4,11 +4,14 @@ import json
 import re
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+import zarr
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
-from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS, ArraySpec
+from kine2go_warp.dataset.writer import consolidate, write_array
 from kine2go_warp.errors import ExportError
 from kine2go_warp.exports import export as export_module
 from kine2go_warp.exports.export import FORMATS, export_dataset
@@ -109,6 +112,22 @@ def test_a_folder_with_other_things_is_never_replaced(store, tmp_path):
     (tmp_path / "empty").mkdir()
     export_dataset(store, "npz", tmp_path / "empty")
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "all of it"
+
+
+def test_whatever_else_is_stored_once_a_trajectory_goes_along(store, tmp_path):
+    masses = np.arange(6, dtype=np.float32).reshape(3, 2)
+    for motion in ORIGINS:
+        group = zarr.open_group(store / motion, mode="a", use_consolidated=False).create_group("randomization")
+        spec = ArraySpec("mass", ("trajectory", "body"), "kg", "mass of some bodies")
+        write_array(group, spec, masses)
+        consolidate(store / motion)
+    card = card_of(store, "npz", tmp_path / "npz")
+    assert "| `randomization/mass` | trajectory x body | kg | mass of some bodies |" in card
+    with np.load(tmp_path / "npz" / "two" / "trajectory-0001.npz", allow_pickle=False) as file:
+        np.testing.assert_array_equal(file["randomization/mass"], masses[1])
+    card_of(store, "lerobot", tmp_path / "lerobot")
+    episodes = pq.read_table(tmp_path / "lerobot" / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    assert episodes["kine2go/randomization/mass"].to_pylist() == masses.tolist() * 2
 
 
 def test_progress_counts_trajectories(store, tmp_path):
