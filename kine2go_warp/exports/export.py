@@ -82,15 +82,18 @@ def export_dataset(
 
 def default_folder(path: Path, form: str) -> Path:
     """Return where an export goes if nothing else is said: beside the dataset."""
-    return path.with_name(f"{path.stem}-{form}")
+    whole = path if path.name else path.absolute()
+    return whole.with_name(f"{whole.stem}-{form}")
 
 
 def check_target(out: Path, overwrite: bool) -> None:
     """Check that an export may be written to a folder.
 
     Raises:
-        ExportError: something lies there, and it is no export or may not be replaced.
+        ExportError: something lies there, and it is no export or may not be replaced; or the path has no name.
     """
+    if out.name in {"", ".."}:
+        raise ExportError(f"{out}: an export is a folder of its own; give it a name with --out")
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     if not (out / RECORD).is_file():

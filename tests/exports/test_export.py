@@ -145,10 +145,17 @@ def test_the_command_exports_beside_the_dataset(store, capsys):
     assert not (store.parent / "dataset-npz" / "two").exists()
 
 
+def test_a_dataset_may_be_the_folder_one_stands_in(store, monkeypatch):
+    monkeypatch.chdir(store)
+    assert main(["export", ".", "--format", "npz"]) == 0
+    assert (store.parent / "dataset-npz" / "README.md").is_file()
+
+
 BAD_INPUT = {
     "no dataset": (["nowhere.zarr"], "no dataset here"),
     "unknown motion": (["dataset.zarr", "three"], "holds no motion 'three'; it has: one, two"),
     "unknown format": (["dataset.zarr", "--format", "csv"], "unknown format 'csv'; known are: lerobot, npz"),
+    "a folder without a name": (["dataset.zarr", "--out", "."], "give it a name with --out"),
     "no export to replace": (["dataset.zarr", "--out", "dataset.zarr", "--overwrite"], "exists and is no export"),
 }
 
