@@ -27,3 +27,7 @@ class DatasetError(Kine2GoError):
 
 class SimulationError(Kine2GoError):
     """The simulation has failed: too many contacts for its buffers, or numbers that are not finite."""
+
+
+class ExportError(Kine2GoError):
+    """A dataset cannot be exported as asked."""

@@ -17,12 +17,14 @@ ALLOWED = {
     "motions": {"motions", "robots"},
     "env": {"env", "kernels", "motions", "robots"},
     "learning": {"learning", "env", "kernels", "motions", "robots"},
-    "dataset": {"dataset", "kernels", "robots"},
-    "rollouts": {"rollouts", "dataset", "learning", "env", "kernels", "motions", "robots"},
+    "dataset": {"dataset", "robots"},
+    "rollouts": {"rollouts", "scores", "dataset", "learning", "env", "kernels", "motions", "robots"},
+    "exports": {"exports", "dataset"},
     "recordings": {"recordings", "dataset", "robots"},
     "scores": {"scores", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
-    "cli": {"cli", "pipelines", "scores", "rollouts", "dataset", "learning", "motions", "robots"},
+    "bench": {"bench", "rollouts", "dataset", "learning", "env", "motions", "robots"},
+    "cli": {"cli", "bench", "pipelines", "scores", "exports", "rollouts", "dataset", "learning", "motions", "robots"},
 }
 """Which parts each part of the package may import, besides the leaves."""
 

@@ -1,18 +1,16 @@
 """How fast the environment steps, where the time goes, and how plain MuJoCo compares."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
-import mujoco
-import mujoco.rollout
 import numpy as np
 import torch
 import warp as wp
+from mujoco.rollout import rollout
 
 from kine2go_warp.bench.measurement import BenchReport, Measurement, resident_memory, timed
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.mujoco_engine import position_driven_model
+from kine2go_warp.env.mujoco_engine import mujoco, position_driven_model
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
@@ -119,18 +117,22 @@ def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp
     """Return random outputs of the policy on the device."""
     rng = np.random.default_rng(0)
     shape = environment.output.shape
-    return [wp.array(np.float32(rng.normal(0.0, OUTPUT_NOISE, shape)), device=environment.device) for _ in range(count)]
+    draws = (rng.normal(0.0, OUTPUT_NOISE, shape) for _ in range(count))
+    return [wp.array(draw, dtype=float, device=environment.device) for draw in draws]
+        wp.array(rng.normal(0.0, OUTPUT_NOISE, shape), dtype=float, device=environment.device) for _ in range(count)
+    ]
 
 
 def capture_without_physics(environment: ImitationEnvironment) -> wp.Graph:
     """Capture a step in which the robots do not move: all of this project's kernels but the motors'."""
-    advance: Callable[..., None] = environment.simulation.advance
+    advance = environment.simulation.advance
     environment.simulation.advance = lambda *_: None  # type: ignore[method-assign]
     try:
         with wp.ScopedDevice(environment.device), wp.ScopedCapture() as capture:
             environment._step()
     finally:
         environment.simulation.advance = advance  # type: ignore[method-assign]
+    assert capture.graph is not None
     return capture.graph
 
 
@@ -162,7 +164,7 @@ class NativeRunner:
 
     def run(self) -> None:
         """Step all worlds in one thread."""
-        mujoco.rollout.rollout(self.model, self.data, self.initial, self.control)
+        rollout(self.model, self.data, self.initial, self.control)
 
 
 class ParallelRunner:

@@ -27,9 +27,14 @@ class Measurement:
         """The middle value."""
         return statistics.median(self.values)
 
+    @property
+    def spread(self) -> tuple[float, float]:
+        """The lowest and the highest value."""
+        return min(self.values), max(self.values)
+
     def as_record(self) -> dict[str, Any]:
         """Return the figure as JSON values."""
-        lowest, highest = min(self.values), max(self.values)
+        lowest, highest = self.spread
         return {**asdict(self), "median": self.median, "lowest": lowest, "highest": highest}
 
 

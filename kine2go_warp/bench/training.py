@@ -13,7 +13,7 @@ from kine2go_warp.bench.measurement import BenchReport, Measurement, timed
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.presets import Preset
-from kine2go_warp.learning.runner import ImitationRunner, QuietLogger
+from kine2go_warp.learning.runner import ImitationRunner, QuietLogger, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
 
@@ -39,26 +39,20 @@ def bench_training(clip: MotionClip, preset: Preset, device: str, repeats: int, 
         env = ParallelVecEnv([clip], config, processes)
     else:
         env = ImitationVecEnv(ImitationEnvironment([clip], config, device))
-    collected, learned = [], []
-
-    class TimingLogger(QuietLogger):
-        """Keeps the durations that RSL-RL measures."""
-
-        def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest) -> None:  # noqa: ANN003
-            collected.append(collect_time)
-            learned.append(learn_time)
-
+    seen: list[TrainingProgress] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         runner = ImitationRunner(env, preset.ppo, Path(folder), config.seed)
-        runner.logger.__class__ = TimingLogger
+        assert isinstance(runner.logger, QuietLogger)
+        runner.logger.on_progress = seen.append
         runner.learn(WARM_UP + repeats)
     memory = used_memory(device) - before
-    collected, learned = collected[WARM_UP:], learned[WARM_UP:]
+    collected = [progress.collect_time for progress in seen[WARM_UP:]]
+    learned = [progress.learn_time for progress in seen[WARM_UP:]]
     simulated = [step_time(env, horizon) for _ in range(3)]
     env.close()
     world_steps = config.num_worlds * horizon
     totals = [a + b for a, b in zip(collected, learned, strict=True)]
-    environment = min(sorted(simulated)[1], min(collected))
+    environment = min(sorted(simulated)[1], *collected)
     measurements = (
         Measurement("training", "steps/s", tuple(world_steps / total for total in totals), "learning included"),
         Measurement("share of environment", "1", tuple(environment / total for total in totals)),

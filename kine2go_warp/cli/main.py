@@ -7,9 +7,11 @@ from typing import Annotated
 
 import tyro
 
+from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
-from kine2go_warp.cli.motion_commands import Bench, Cycles, Retarget, Sources
+from kine2go_warp.cli.export_command import Export
+from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
 
@@ -24,6 +26,7 @@ Command = (
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 

@@ -1,8 +1,6 @@
 """The commands that prepare motions: sources, cycles, retarget, bench."""
 
-import json
 import sys
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -204,51 +202,3 @@ def accepted_by_user() -> bool:
         return input("Do you accept these licences? [y/N] ").strip().lower() == "y"
     except EOFError:
         return False
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Measure how fast a stage is on this machine."""
-
-    stage: Positional[Literal["retarget"]]
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
-    alone is measured."""
-    repeats: int = 3
-    """How often everything is measured."""
-    json: bool = False
-    """Print JSON instead of a table."""
-
-    def run(self) -> int:
-        """Measure on one core and print median and spread."""
-        import statistics
-
-        from kine2go_warp.cli.tables import console, print_bench
-        from kine2go_warp.motions.catalogue import load_catalogue
-        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-        from kine2go_warp.motions.retarget import retarget
-        from kine2go_warp.robots import GO2
-
-        folder = data_folder(self.data)
-        entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
-        figures = {}
-        for mode in ("plain", "contact"):
-            solver, config = InverseKinematics(GO2), RetargetConfig(mode=mode)
-            retarget(entries[0], folder, solver, config)
-            rates = []
-            for _ in range(max(self.repeats, 1)):
-                start = time.perf_counter()
-                frames = sum(retarget(entry, folder, solver, config).clip.num_frames for entry in entries)
-                rates.append(frames / (time.perf_counter() - start))
-            figures[mode] = {
-                "motions": len(entries),
-                "frames": frames,
-                "frames_per_second": statistics.median(rates),
-                "slowest": min(rates),
-                "fastest": max(rates),
-            }
-        if self.json:
-            console().print_json(json.dumps(figures))
-        else:
-            print_bench(figures)
-        return 0

@@ -16,6 +16,7 @@ from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.targets import PoseTargets
 
 if TYPE_CHECKING:
+    from kine2go_warp.bench.measurement import BenchReport
     from kine2go_warp.dataset.summary import MotionSummary
     from kine2go_warp.motions.fetch import FileState
     from kine2go_warp.motions.quality import ClipQuality
@@ -32,8 +33,8 @@ def console() -> Console:
 def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:
     """Print what a dataset holds, computed from the data written."""
     table = Table(title=f"{dataset} (figures computed from the data written)", title_justify="left")
-    headings = ("joint RMSE\n[rad]", "root error\n[cm]", "root angle\n[rad]", "foot error\n[cm]")
-    for heading in ("motion", "accepted", "duration\n[s]", *headings):
+    headings = ("joint RMSE\n\\[rad]", "root error\n\\[cm]", "root angle\n\\[rad]", "foot error\n\\[cm]")
+    for heading in ("motion", "accepted", "duration\n\\[s]", *headings):
         table.add_column(heading, justify="left" if heading == "motion" else "right")
     for row in summaries:
         table.add_row(
@@ -90,15 +91,20 @@ def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTarg
     console().print(table)
 
 
-def print_bench(figures: dict[str, dict[str, float]]) -> None:
-    """Print how fast retargeting is."""
-    table = Table(title="retargeting, one core, reading included", title_justify="left")
-    for heading in ("mode", "motions", "frames", "frames/s (median)", "slowest", "fastest"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
-    for mode, row in figures.items():
-        rates = (f"{row[name]:,.0f}" for name in ("frames_per_second", "slowest", "fastest"))
-        table.add_row(mode, f"{row['motions']:.0f}", f"{row['frames']:,.0f}", *rates)
-    console().print(table)
+def print_bench(report: "BenchReport") -> None:
+    """Print what a benchmark has found, and where."""
+    from kine2go_warp.bench.measurement import machine
+
+    settings = ", ".join(f"{value:,} {name}" for name, value in report.settings.items())
+    table = Table(title=f"{report.stage} on {report.device}: {settings}", title_justify="left")
+    for heading in ("figure", "median", "lowest", "highest", "unit", "what it is"):
+        table.add_column(heading, justify="right" if heading in ("median", "lowest", "highest") else "left")
+    for row in report.measurements:
+        shown = (f"{value:,.0f}" if value >= 100.0 else f"{value:.3f}" for value in (row.median, *row.spread))
+        table.add_row(row.name, *shown, row.unit, row.note)
+    output = console()
+    output.print(table)
+    output.print(", ".join(f"{name} {value}" for name, value in machine(report.device).items()), highlight=False)
 
 
 def print_machine() -> None:

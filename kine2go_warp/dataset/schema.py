@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
-from kine2go_warp.kernels.rewards import REWARD_TERMS
 from kine2go_warp.robots import RobotSpec
 
 FORMAT_VERSION = "0.1"
+
+# The names of kernels.rewards, said again so that readers of a dataset need no Warp.
+REWARD_TERMS = ("joint_position", "joint_velocity", "foot_position", "root_pose", "root_velocity")
 
 FRAMES_NOTE = (
     "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "

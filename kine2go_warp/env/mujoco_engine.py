@@ -1,6 +1,8 @@
 """The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against."""
 
-import mujoco
+from typing import Any
+
+import mujoco as mujoco_package
 import newton
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +13,14 @@ from kine2go_warp.env.model import FLOOR_FRICTION, build_solver, robot_builder
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.robots import RobotSpec
 
+mujoco: Any = mujoco_package
+"""The package without its types: it names its compiled classes in a way that type checkers do not see."""
+
 FIRST_DOF = 6
 """Velocities of the base come first."""
 
 
-def mujoco_model(simulation: Simulation, config: EnvConfig) -> mujoco.MjModel:
+def mujoco_model(simulation: Simulation, config: EnvConfig) -> Any:
     """Return the model of one world for the C engine, with the same options.
 
     It is compiled by MuJoCo from what Newton read from the robot's URDF.
@@ -25,7 +30,7 @@ def mujoco_model(simulation: Simulation, config: EnvConfig) -> mujoco.MjModel:
     return model
 
 
-def position_driven_model(spec: RobotSpec, config: EnvConfig) -> mujoco.MjModel:
+def position_driven_model(spec: RobotSpec, config: EnvConfig) -> Any:
     """Return the model for the C engine with the PD law as MuJoCo's own actuators, controlled by joint targets [rad].
 
     It differs from the environment in that the damping of the motors is integrated implicitly.

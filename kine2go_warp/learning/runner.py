@@ -29,6 +29,10 @@ class TrainingProgress:
     """Mean reward of the last 100 episodes; NaN before the first one ends."""
     episode_length: float
     """Mean length of the last 100 episodes [control steps]; NaN before the first one ends."""
+    collect_time: float
+    """Time that the rollouts took [s]."""
+    learn_time: float
+    """Time that the update took [s]."""
     steps_per_second: float
     """Control steps of all worlds in a second, learning included."""
     faults: int
@@ -61,6 +65,8 @@ class QuietLogger(Logger):
                     total_iterations=total_it,
                     reward=statistics.mean(self.rewbuffer) if self.rewbuffer else float("nan"),
                     episode_length=statistics.mean(self.lenbuffer) if self.lenbuffer else float("nan"),
+                    collect_time=collect_time,
+                    learn_time=learn_time,
                     steps_per_second=steps / (collect_time + learn_time),
                     faults=self.count_faults(),
                 )
@@ -76,9 +82,10 @@ class ImitationRunner(OnPolicyRunner):
 
     def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
         super().__init__(
-            env, config.runner_settings(seed, env.cfg.privileged), log_dir=str(folder), device=str(env.device)
+            env, config.runner_settings(seed, env.config.privileged), log_dir=str(folder), device=str(env.device)
         )
         self.logger.__class__ = QuietLogger
+        assert isinstance(self.logger, QuietLogger)
         self.logger.count_faults = env.fault_count
 
     def train(self, iterations: int, on_progress: ProgressCallback | None = None) -> None:

@@ -75,6 +75,7 @@ class BufferedVecEnv(VecEnv):
         self.max_episode_length = config.max_episode_length
         self.device = device
         self.cfg = config
+        self.config = config
         self.buffers = buffers
 
     def advance(self) -> None:
@@ -104,7 +105,7 @@ class BufferedVecEnv(VecEnv):
         A copy: RSL-RL stores the tensor only after the next step, which overwrites the environment's buffer.
         """
         observations = {"policy": self.buffers.observation.clone()}
-        if self.cfg.privileged:
+        if self.config.privileged:
             observations["privileged"] = self.buffers.privileged.clone()
         return TensorDict(observations, batch_size=[self.num_envs])  # pyright: ignore[reportArgumentType]
 

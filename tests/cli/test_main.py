@@ -29,7 +29,8 @@ def kine2go(*arguments, cwd, **options):
     )
 
 
-COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "sources", "cycles", "bench", "doctor"]
+COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "export", "sources"]
+COMMANDS += ["cycles", "bench", "doctor"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

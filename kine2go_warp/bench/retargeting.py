@@ -1,0 +1,30 @@
+"""How fast motions are retargeted."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from kine2go_warp.bench.measurement import BenchReport, Measurement, timed
+from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+from kine2go_warp.motions.retarget import retarget
+from kine2go_warp.robots import GO2
+
+
+def bench_retargeting(entries: Sequence[CatalogueEntry], folder: Path | None, repeats: int) -> BenchReport:
+    """Retarget motions in both modes on one core, reading included."""
+    measurements, frames = [], 0
+    for mode in ("plain", "contact"):
+        solver, config = InverseKinematics(GO2), RetargetConfig(mode=mode)
+        frames = retarget_all(entries, folder, solver, config)
+        durations = [timed(lambda: retarget_all(entries, folder, solver, config)) for _ in range(repeats)]  # noqa: B023
+        measurements.append(Measurement(mode, "frames/s", tuple(frames / duration for duration in durations)))
+    settings = {"motions": len(entries), "frames": frames, "repeats": repeats}
+    return BenchReport("retarget", "cpu", settings, tuple(measurements))
+
+
+def retarget_all(
+    entries: Sequence[CatalogueEntry], folder: Path | None, solver: InverseKinematics, config: RetargetConfig
+) -> int:
+    """Retarget motions and return how many frames they have."""
+    return sum(retarget(entry, folder, solver, config).clip.num_frames for entry in entries)

@@ -1,0 +1,89 @@
+"""The command that measures speed."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from kine2go_warp.cli.data import data_folder
+from kine2go_warp.errors import Kine2GoError
+
+if TYPE_CHECKING:
+    from kine2go_warp.bench.measurement import BenchReport
+
+Stage = Literal["env", "train", "retarget"]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure how fast stages are on this machine."""
+
+    stages: tyro.conf.Positional[tuple[Stage, ...]]
+    """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all
+    motions that are there."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
+    alone is measured."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    num_worlds: int | None = None
+    """Worlds simulated at once; by default 512 on a CPU and 8192 on a GPU."""
+    preset: Literal["fast", "paper"] = "fast"
+    """Settings of environment and learner."""
+    processes: int = 1
+    """Processes that share the simulation on a CPU; with more than one, env compares them with one."""
+    steps: int = 24
+    """Control steps of each measurement of env."""
+    repeats: int = 5
+    """How often everything is measured."""
+    json: bool = False
+    """Print JSON instead of tables."""
+
+    def run(self) -> int:
+        """Measure and print medians and spreads."""
+        from kine2go_warp.cli.tables import console, print_bench
+
+        if not self.stages or min(self.repeats, self.steps, self.processes) < 1:
+            raise Kine2GoError(
+                "name at least one of env, train, retarget; repeats, steps and processes must be positive"
+            )
+        reports = [self._measure(stage) for stage in self.stages]
+        if self.json:
+            console().print_json(json.dumps([report.as_record() for report in reports]))
+        else:
+            for report in reports:
+                print_bench(report)
+        return 0
+
+    def _measure(self, stage: Stage) -> "BenchReport":
+        """Run one benchmark."""
+        from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+
+        if stage == "retarget":
+            from kine2go_warp.bench.retargeting import bench_retargeting
+
+            folder = data_folder(self.data)
+            entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
+            return bench_retargeting(entries, folder, self.repeats)
+
+        from kine2go_warp.bench.environment import bench_environment
+        from kine2go_warp.bench.training import bench_training
+        from kine2go_warp.cli.commands import limit_threads
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.learning.presets import preset_named
+        from kine2go_warp.motions.config import RetargetConfig
+        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.retarget import retarget
+        from kine2go_warp.robots import GO2
+
+        limit_threads()
+        device = choose_device(self.device)
+        num_worlds = self.num_worlds or (512 if device == "cpu" else 8192)
+        preset = preset_named(self.preset)
+        preset = replace(preset, env=replace(preset.env, num_worlds=num_worlds))
+        clip = retarget(motion_named("dog_trot"), None, InverseKinematics(GO2), RetargetConfig()).clip
+        if stage == "env":
+            return bench_environment(clip, preset.env, device, self.repeats, self.steps, self.processes)
+        return bench_training(clip, preset, device, self.repeats, self.processes)

@@ -1,0 +1,47 @@
+"""The command that exports a dataset."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+Positional = tyro.conf.Positional
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card."""
+
+    dataset: Positional[Path]
+    """The dataset (.zarr)."""
+    motions: Positional[tuple[str, ...]] = ()
+    """Names of motions; by default all."""
+    format: str = "lerobot"
+    """lerobot (dataset v3.0) or npz."""
+    out: Path | None = None
+    """Folder to create; by default beside the dataset, named after it and the format."""
+    overwrite: bool = False
+    """Replace an older export in that folder."""
+
+    def run(self) -> int:
+        """Export with a progress bar and say what was written."""
+        from rich.progress import Progress
+
+        from kine2go_warp.cli.tables import console
+        from kine2go_warp.exports.export import default_folder, export_dataset
+
+        out = self.out or default_folder(self.dataset, self.format)
+        output = console()
+        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
+            task = progress.add_task(f"exporting to {self.format}", total=None)
+
+            def advanced(done: int, total: int) -> None:
+                progress.update(task, completed=done, total=total)
+
+            record = export_dataset(self.dataset, self.format, out, self.motions, self.overwrite, advanced)
+        size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+        print(
+            f"{out}: {record.trajectories} trajectories of {len(record.motions)} motion(s), {record.rows} rows, "
+            f"{size:.1f} MB; what is in it and whose it is: {out / 'README.md'}"
+        )
+        return 0

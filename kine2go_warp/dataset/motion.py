@@ -1,0 +1,204 @@
+"""One motion of a dataset, of which only what is asked for is read."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.schema import ArraySpec
+from kine2go_warp.errors import DatasetError
+
+REJECTED_GROUP = "rejected"
+"""Sub-group of a motion with rollouts that were not accepted; it is not part of the motion's own arrays."""
+
+BLOCK = 32
+"""Trajectories that are read at once: a call to Zarr takes milliseconds however little it reads."""
+
+
+@dataclass(frozen=True)
+class TrajectoryReference:
+    """Where one trajectory of a dataset is, and what is known of it as a whole."""
+
+    motion: str
+    """Name of its motion."""
+    index: int
+    """Its place among the trajectories of the motion."""
+    length: int
+    """Valid rows."""
+    values: Mapping[str, Any] = field(repr=False, compare=False)
+    """What is stored once a trajectory, such as ``noise`` or ``quality/joint_rmse``; read when it is asked for."""
+
+
+@dataclass(frozen=True)
+class Trajectory(TrajectoryReference):
+    """One trajectory in memory."""
+
+    arrays: dict[str, NDArray] = field(repr=False, compare=False)
+    """Arrays by name, each of shape [length, ...]: no padding."""
+
+
+class TrajectoryValues(Mapping[str, Any]):
+    """What a motion stores once a trajectory, for one of its trajectories."""
+
+    def __init__(self, motion: "Motion", index: int) -> None:
+        self._motion, self._index = motion, index
+
+    def __getitem__(self, name: str) -> Any:
+        return self._motion.values(name)[self._index]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._motion.trajectory_arrays)
+
+    def __len__(self) -> int:
+        return len(self._motion.trajectory_arrays)
+
+
+class Motion:
+    """One motion of a dataset."""
+
+    def __init__(self, path: Path, name: str) -> None:
+        """Open a motion; its arrays stay on the disk.
+
+        Args:
+            path: Folder of the dataset.
+            name: The motion.
+
+        Raises:
+            DatasetError: its metadata cannot be read.
+        """
+        self.path, self.name = path, name
+        self._values: dict[str, NDArray] = {}
+        try:
+            self._group = zarr.open_group(path / name, mode="r")
+            self.attributes: dict[str, Any] = dict(self._group.attrs)
+            self.arrays = {spec.name: spec for spec in _specs(self._group)}
+        except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
+            raise DatasetError(f"{path}/{name}: cannot be read ({error.__class__.__name__})") from None
+
+    @cached_property
+    def row_arrays(self) -> dict[str, ArraySpec]:
+        """Arrays with one entry a row, by name."""
+        return {name: spec for name, spec in self.arrays.items() if spec.dims[:2] == ("trajectory", "frame")}
+
+    @cached_property
+    def trajectory_arrays(self) -> dict[str, ArraySpec]:
+        """Arrays with one entry a trajectory, by name; those of sub-groups as ``quality/joint_rmse``."""
+        return {
+            name: spec
+            for name, spec in self.arrays.items()
+            if spec.dims[:1] == ("trajectory",) and name not in {"trajectory", *self.row_arrays}
+        }
+
+    @cached_property
+    def lengths(self) -> NDArray[np.int32]:
+        """Valid rows of each trajectory, shape [num_trajectories]."""
+        return self.values("length")
+
+    @cached_property
+    def time(self) -> NDArray[np.float64]:
+        """From the first kept row [s], shape [num_rows]."""
+        return self._read("time", ...)
+
+    def labels(self, dimension: str) -> tuple[str, ...]:
+        """Return the labels along a dimension, such as the names of the joints.
+
+        Raises:
+            DatasetError: the dimension has none.
+        """
+        if dimension not in self.arrays or self.arrays[dimension].dims != (dimension,):
+            raise DatasetError(f"{self.path}/{self.name}: dimension '{dimension}' has no labels")
+        return tuple(str(label) for label in self.values(dimension))
+
+    def column_names(self, array: str) -> tuple[str, ...]:
+        """Return the name of each number that a row array has in a row, in order, such as ``FL.x``.
+
+        An array with one number a row has one column, with the name of the array.
+        """
+        names = [""]
+        for dimension in self.spec(array).dims[2:]:
+            names = [f"{name}.{label}" if name else label for name in names for label in self.labels(dimension)]
+        return tuple(names) if names != [""] else (array,)
+
+    def spec(self, name: str) -> ArraySpec:
+        """Return dimensions, unit and meaning of a row array.
+
+        Raises:
+            DatasetError: there is no such array.
+        """
+        if name not in self.row_arrays:
+            raise DatasetError(
+                f"{self.path}/{self.name}: holds no row array '{name}'; it has: {', '.join(sorted(self.row_arrays))}"
+            )
+        return self.row_arrays[name]
+
+    def values(self, name: str) -> NDArray:
+        """Return an array that has no rows, such as ``noise``, shape [num_trajectories, ...]. It is read once.
+
+        Raises:
+            DatasetError: there is no such array, or it cannot be read.
+        """
+        if name not in self.arrays or name in self.row_arrays:
+            known = ", ".join(sorted(self.trajectory_arrays))
+            raise DatasetError(f"{self.path}/{self.name}: holds no array '{name}' of trajectories; it has: {known}")
+        if name not in self._values:
+            self._values[name] = self._read(name, ...)
+        return self._values[name]
+
+    def references(self) -> list[TrajectoryReference]:
+        """Return a reference to every trajectory that is stored."""
+        return [
+            TrajectoryReference(self.name, index, int(length), TrajectoryValues(self, index))
+            for index, length in enumerate(self.lengths)
+        ]
+
+    def read(self, references: Sequence[TrajectoryReference], arrays: Sequence[str] | None) -> Iterator[Trajectory]:
+        """Read trajectories of this motion one after the other.
+
+        Args:
+            references: Which, in the order of their indices.
+            arrays: Names of row arrays; by default all.
+
+        Raises:
+            DatasetError: there is no such array, or one cannot be read.
+        """
+        names = [self.spec(name).name for name in (self.row_arrays if arrays is None else arrays)]
+        for block in _blocks(references):
+            first, last = block[0].index, block[-1].index
+            rows = {name: self._read(name, slice(first, last + 1)) for name in names}
+            for reference in block:
+                place, length = reference.index - first, reference.length
+                cut = {name: values[place, :length] for name, values in rows.items()}
+                yield Trajectory(self.name, reference.index, length, reference.values, cut)
+
+    def _read(self, name: str, what: Any) -> NDArray:
+        try:
+            return np.asarray(self._group[name][what])  # pyright: ignore[reportArgumentType, reportIndexIssue]
+        except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
+            raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({error.__class__.__name__})") from None
+
+
+def _specs(group: zarr.Group) -> Iterator[ArraySpec]:
+    """Yield what the store says of each array of a motion, in the order of their names."""
+    for name, member in sorted(group.members(max_depth=None)):
+        if isinstance(member, zarr.Array) and name.split("/")[0] != REJECTED_GROUP:
+            dims = tuple(str(dimension) for dimension in getattr(member.metadata, "dimension_names", None) or ())
+            attributes = member.attrs
+            unit, description = str(attributes.get("units", "1")), str(attributes.get("description", ""))
+            yield ArraySpec(name, dims, unit, description, str(member.dtype))
+
+
+def _blocks(references: Sequence[TrajectoryReference]) -> Iterator[list[TrajectoryReference]]:
+    """Split references, sorted by index, where the next one is ``BLOCK`` or more places from the block's first."""
+    block: list[TrajectoryReference] = []
+    for reference in references:
+        if block and reference.index >= block[0].index + BLOCK:
+            yield block
+            block = []
+        block.append(reference)
+    if block:
+        yield block

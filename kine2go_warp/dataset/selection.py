@@ -1,0 +1,47 @@
+"""Which trajectories of a dataset are used, and how they are split."""
+
+import hashlib
+from collections.abc import Iterable
+
+from kine2go_warp.dataset.motion import Motion, TrajectoryReference
+
+
+def used_trajectories(motion: Motion) -> list[TrajectoryReference]:
+    """Return the trajectories of a motion that loaders and exports may use.
+
+    Every loader and every export asks here, so this is the one place that decides: all stored trajectories with at
+    least one valid row. Rollouts that were rejected lie in a sub-group of their own and are never among them.
+    """
+    return [reference for reference in motion.references() if reference.length > 0]
+
+
+def validation_indices(motion: str, num_trajectories: int, fraction: float, seed: int) -> frozenset[int]:
+    """Return which trajectories of a motion are for validation.
+
+    Each trajectory is ranked by a hash of seed, motion and index, so that neither other motions nor the choice of
+    trajectories moves one from one side to the other.
+
+    Args:
+        motion: Name of the motion.
+        num_trajectories: How many it stores.
+        fraction: Share of the trajectories, between 0 and 1. Where it is neither and there are two trajectories, each
+            side gets at least one.
+        seed: Another seed gives another split.
+    """
+    count = round(fraction * num_trajectories)
+    if 0.0 < fraction < 1.0 and num_trajectories > 1:
+        count = min(max(count, 1), num_trajectories - 1)
+    ranked = sorted(range(num_trajectories), key=lambda index: _rank(f"{seed}/{motion}/{index}"))
+    return frozenset(ranked[:count])
+
+
+def by_motion(references: Iterable[TrajectoryReference]) -> dict[str, list[TrajectoryReference]]:
+    """Return references grouped by their motions, in the order in which those appear."""
+    groups: dict[str, list[TrajectoryReference]] = {}
+    for reference in references:
+        groups.setdefault(reference.motion, []).append(reference)
+    return groups
+
+
+def _rank(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()
