@@ -119,8 +119,6 @@ def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp
     shape = environment.output.shape
     draws = (rng.normal(0.0, OUTPUT_NOISE, shape) for _ in range(count))
     return [wp.array(draw, dtype=float, device=environment.device) for draw in draws]
-        wp.array(rng.normal(0.0, OUTPUT_NOISE, shape), dtype=float, device=environment.device) for _ in range(count)
-    ]
 
 
 def capture_without_physics(environment: ImitationEnvironment) -> wp.Graph:

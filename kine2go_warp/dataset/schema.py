@@ -6,8 +6,9 @@ from kine2go_warp.robots import RobotSpec
 
 FORMAT_VERSION = "0.1"
 
-# The names of kernels.rewards, said again so that readers of a dataset need no Warp.
+# Names and maxima of kernels.rewards, said again so that readers of a dataset need no Warp.
 REWARD_TERMS = ("joint_position", "joint_velocity", "foot_position", "root_pose", "root_velocity")
+MAXIMUM_REWARDS = (1.0, 1.0, 1.0, 2.0, 2.0)
 
 FRAMES_NOTE = (
     "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block, Settings
 from kine2go_warp.dataset.checks.layout import RANDOMIZATION, Layout
 from kine2go_warp.dataset.checks.records import Finding
-from kine2go_warp.kernels.rewards import REWARD_TERMS
+from kine2go_warp.dataset.schema import REWARD_TERMS
 from kine2go_warp.robots import RobotSpec
 
 BLOCK = 32

@@ -11,8 +11,7 @@ from kine2go_warp.dataset.checks.rotations import about_z, heading, level, matri
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
 from kine2go_warp.dataset.quality import rotation_angle, tracking_quality
-from kine2go_warp.dataset.schema import QUALITY_ARRAYS
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS, REWARD_TERMS
+from kine2go_warp.dataset.schema import MAXIMUM_REWARDS, QUALITY_ARRAYS, REWARD_TERMS
 from kine2go_warp.robots.kinematics import foot_positions
 
 Array = NDArray[np.float64]
