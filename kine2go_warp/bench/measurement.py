@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from kine2go_warp.device import start_warp
+
 PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "zarr")
 
 
@@ -75,6 +77,7 @@ def machine(device: str) -> dict[str, str]:
     """Return the names of processor and device, the versions of all that counts, and the date."""
     import warp as wp
 
+    start_warp()
     found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
     for package in PACKAGES:
         try:

@@ -30,7 +30,7 @@ class Bench:
     """cpu or cuda; by default cuda where there is one."""
     num_worlds: int | None = None
     """Worlds simulated at once; by default 512 on a CPU and 8192 on a GPU."""
-    preset: Literal["fast", "paper"] = "fast"
+    preset: Literal["fast", "paper", "robust"] = "fast"
     """Settings of environment and learner."""
     processes: int = 1
     """Processes that share the simulation on a CPU; with more than one, env compares them with one."""

@@ -192,9 +192,31 @@ def test_one_bad_motion_does_not_keep_the_others_from_being_saved(tmp_path):
 
 def test_bench_measures_both_modes(tmp_path):
     result = kine2go("bench", "retarget", "--repeats", "1", "--json", cwd=tmp_path)
-    figures = json.loads(result.stdout)
-    assert set(figures) == {"plain", "contact"}
-    assert figures["contact"]["frames_per_second"] > 0.0
+    (report,) = json.loads(result.stdout)
+    assert report["stage"] == "retarget"
+    rates = {figure["name"]: figure["median"] for figure in report["measurements"]}
+    assert set(rates) == {"plain", "contact"}
+    assert rates["contact"] > 0.0
+    assert report["machine"]["kine2go-warp"]
+
+
+def test_bench_of_environment_and_training_accounts_for_all_the_time(tmp_path):
+    arguments = "bench env train --device cpu --num-worlds 64 --processes 2 --steps 4 --repeats 2 --json"
+    result = kine2go(*arguments.split(), cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    env, training = (
+        {row["name"]: row["median"] for row in report["measurements"]} for report in json.loads(result.stdout)
+    )
+    assert env["share of physics"] + env["share of kernels"] == pytest.approx(1.0)
+    assert env["environment / MuJoCo C"] == pytest.approx(env["environment"] / env["MuJoCo C"], rel=0.5)
+    assert env["processes / one process"] > 0.5
+    shares = ("share of environment", "share of policy", "share of PPO update")
+    assert sum(training[share] for share in shares) == pytest.approx(1.0, abs=0.1)
+
+
+def test_bench_without_a_stage_says_which_there_are(capsys):
+    assert main(["bench"]) == 2
+    assert "env, train, retarget" in capsys.readouterr().err
 
 
 def test_doctor_lists_devices_and_motions(capsys):

@@ -3,7 +3,10 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.env.clips import make_placement, upload_clips
+from kine2go_warp.env.observations import privileged_layout
 from kine2go_warp.kernels import observations
+from kine2go_warp.kernels.actuation import MotorModel
+from kine2go_warp.kernels.randomization import BaseBody
 from kine2go_warp.robots import GO2
 from tests.kernels.oracle import States, random_states, reference_at, upload_robot
 
@@ -112,3 +115,44 @@ def test_history_moves_back_and_is_filled_when_an_episode_begins():
         wp.launch(observations.fill_history, dim=(2, 45), inputs=[done, observation, 3], device="cpu")
     newest_first = observation.numpy().reshape(2, 3, 45)[:, :, 0]
     np.testing.assert_array_equal(newest_first, [[3.0, 2.0, 1.0], [3.0, 3.0, 3.0]])
+
+
+def test_privileged_observations_agree_with_numpy(rng):
+    count = 40
+    states = random_states(rng, count)
+    tilt = Rotation.from_euler("yx", rng.uniform(-0.5, 0.5, (count, 2)))
+    states.quaternion = (Rotation.from_euler("z", rng.uniform(-3.0, 3.0, (count, 1))) * tilt).as_quat()
+    force = np.float32(rng.normal(0.0, 100.0, (count, 4, 3)))
+    motors, base = MotorModel(), BaseBody()
+    factors = np.float32(rng.uniform(0.8, 1.2, (4, count, 12)))
+    motors.stiffness, motors.damping = array(60.0 * factors[0]), array(2.0 * factors[1])
+    motors.strength, motors.offset = array(factors[2]), array(factors[3])
+    delay = rng.integers(0, 9, count)
+    motors.delay = array(delay, int)
+    mass, com = np.float32(rng.normal(0.0, 1.0, count)), np.float32(rng.normal(0.0, 0.02, (count, 3)))
+    base.nominal_mass, base.nominal_com = 7.0, wp.vec3(0.02, 0.0, -0.01)
+    base.mass, base.com = array(7.0 + mass), array(com + np.float32([0.02, 0.0, -0.01]), wp.vec3)
+    friction = np.float32(rng.uniform(0.4, 1.2, count))
+    out = wp.zeros((count, 73), dtype=float, device="cpu")
+    placement = make_placement(count, wp.get_device("cpu"))
+    robot, shown = upload_robot(states, COM), array(force, wp.vec3)
+    inputs = [robot, placement, shown, motors, base, array(friction), 60.0, 2.0, 150.0, out]
+    wp.launch(observations.observe_privileged, dim=count, inputs=inputs, device="cpu")
+    level = Rotation.from_euler("z", -states.yaw[:, None])
+    expected = {
+        "root_height": states.position[:, 2:],
+        "linear_velocity_h": level.apply(states.linear),
+        "angular_velocity_h": level.apply(states.angular),
+        "foot_force_h": np.concatenate([level.apply(force[:, foot]) for foot in range(4)], axis=1) / 150.0,
+        "base_mass": mass[:, None],
+        "base_com": com,
+        "friction": friction[:, None],
+        "stiffness": factors[0] - 1.0,
+        "damping": factors[1] - 1.0,
+        "strength": factors[2] - 1.0,
+        "motor_offset": factors[3],
+        "latency": delay[:, None],
+    }
+    for field in privileged_layout():
+        found = out.numpy()[:, field.start : field.stop]
+        np.testing.assert_allclose(found, expected[field.name], rtol=1e-5, atol=5e-6, err_msg=field.name)

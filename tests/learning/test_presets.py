@@ -3,7 +3,7 @@ import pytest
 
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.config import CUDA_WORLDS, TrainConfig
-from kine2go_warp.learning.presets import FAST, PAPER, Preset, preset_named
+from kine2go_warp.learning.presets import FAST, PAPER, ROBUST, Preset, preset_named
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 
@@ -33,7 +33,7 @@ def test_the_paper_preset_is_the_papers_table():
     assert PAPER.env.action.form == "default_pose"
 
 
-@pytest.mark.parametrize("preset", [PAPER, FAST])
+@pytest.mark.parametrize("preset", [PAPER, FAST, ROBUST])
 def test_settings_survive_the_way_through_a_file(preset):
     assert from_dictionary(Preset, to_dictionary(preset), "policy.json") == preset
 

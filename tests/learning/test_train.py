@@ -4,9 +4,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from kine2go_warp.errors import PolicyError
+from kine2go_warp.env.config import SolverConfig
+from kine2go_warp.errors import PolicyError, SimulationError
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.learning.presets import FAST, PRESETS
 from kine2go_warp.learning.runner import load_checkpoint
 from kine2go_warp.learning.train import train
 
@@ -150,3 +152,25 @@ def test_a_folder_with_files_of_the_users_is_left_in_place(clip, tmp_path):
     train([clip], TINY, folder, "cpu")
     assert (folder / "notes.txt").read_text() == "keep me"
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_the_robust_preset_trains_on_rough_ground_with_a_critic_that_sees_more(clip, tmp_path):
+    record = train([clip], TrainConfig("robust", num_worlds=16, iterations=2, terrain="waves"), tmp_path / "p", "cpu")
+    assert record.complete
+    weights = load_checkpoint(PolicyFolder(tmp_path / "p").latest_checkpoint(), "cpu")
+    actor_inputs = weights["actor_state_dict"]["mlp.0.weight"].shape[1]
+    critic_inputs = weights["critic_state_dict"]["mlp.0.weight"].shape[1]
+    assert (actor_inputs, critic_inputs) == (219, 219 + 73)
+
+
+def test_several_clips_train_one_policy(clip, standing_clip, tmp_path):
+    record = train([clip, standing_clip], TrainConfig(num_worlds=16, iterations=1), tmp_path / "policy", "cpu")
+    assert record.clips == ("dog_trot.npz", "standing.npz")
+
+
+def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path, monkeypatch):
+    cramped = replace(FAST, env=replace(FAST.env, solver=SolverConfig(max_contacts=4, max_constraints=16)))
+    monkeypatch.setitem(PRESETS, "fast", cramped)
+    with pytest.raises(SimulationError, match=r"overflow in world \d+ of 32.*fault_world_\d+\.npz"):
+        train([clip], TrainConfig(num_worlds=32, iterations=20), tmp_path / "policy", "cpu", strict=True)
+    assert list((tmp_path / "policy").glob("fault_world_*.npz"))

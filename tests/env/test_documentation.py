@@ -1,0 +1,17 @@
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.documentation import environment_page
+from kine2go_warp.env.observations import observation_layout
+from tests.conftest import REPOSITORY
+
+
+def test_the_page_in_the_repository_is_what_the_code_says():
+    page = (REPOSITORY / "docs" / "environment.md").read_text()
+    assert page == environment_page(), "run: uv run python -m kine2go_warp.env.documentation > docs/environment.md"
+
+
+def test_the_page_names_every_observation_and_range():
+    page, config = environment_page(), EnvConfig()
+    for field in observation_layout(config):
+        assert f"| `{field.name}` | {field.start} | {field.stop} |" in page
+    for name in vars(config.randomization):
+        assert f"`{name}`" in page
