@@ -85,10 +85,15 @@ class ImitationEnvironment:
             else:
                 self._step()
 
-    def restart(self, seed: int) -> None:
-        """Make all worlds anew from a seed, and begin an episode in each."""
+    def restart(self, seed: int, first_world: int | None = None) -> None:
+        """Make all worlds anew from a seed, and begin an episode in each.
+
+        Args:
+            seed: Seed of all worlds.
+            first_world: Number of the first one, by default that of the environment.
+        """
         with wp.ScopedDevice(self.device):
-            self.episodes.restart(seed)
+            self.episodes.restart(seed, first_world)
             self.randomization.draw_bodies()
             self._begin_episodes()
             self._observe()
@@ -255,8 +260,8 @@ class ImitationEnvironment:
                 self.episodes.placement,
                 self.simulation.foot_force,
                 self.motors.model,
-                self.randomization.base,
-                self.randomization.friction,
+                self.randomization.bodies.base,
+                self.randomization.bodies.friction,
                 self.config.motor.stiffness,
                 self.config.motor.damping,
                 self.simulation.robot_weight,

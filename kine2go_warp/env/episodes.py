@@ -42,9 +42,10 @@ class Episodes:
         """What every kernel needs that draws something for a new episode."""
         return [self.done, self.seed, self.episode]
 
-    def restart(self, seed: int) -> None:
+    def restart(self, seed: int, first_world: int | None = None) -> None:
         """Forget everything that has happened, and end all episodes."""
-        self.seed.assign(world_seeds(seed, self.num_worlds, self.first_world))
+        first_world = self.first_world if first_world is None else first_world
+        self.seed.assign(world_seeds(seed, self.num_worlds, first_world))
         for counter in (self.episode, self.reference_step, self.length, self.time_out, self.reason, self.reason_count):
             counter.zero_()
         forget_failures(self.phase_table)

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from kine2go_warp.env.bodies import Bodies
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.episodes import Episodes
-from kine2go_warp.env.model import host_copy
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.kernels import randomization
-from kine2go_warp.kernels.randomization import BaseBody, BodyRanges, MotorRanges
+from kine2go_warp.kernels.randomization import BodyRanges, MotorRanges
 
 NEVER = 2**31 - 1
 """A control step that no episode reaches."""
@@ -49,15 +49,8 @@ class Randomization:
     def __init__(self, config: EnvConfig, simulation: Simulation, motors: Motors, episodes: Episodes) -> None:
         self.config, self.settings = config, config.randomization
         self.simulation, self.motors, self.episodes = simulation, motors, episodes
-        num_worlds, model = config.num_worlds, simulation.model
-        self.bodies_per_world = model.body_count // num_worlds
-        self.base = BaseBody()
-        self.base.nominal_mass = float(host_copy(model.body_mass)[0])
-        self.base.nominal_com = wp.vec3(*host_copy(model.body_com)[0].tolist())
-        self.base.nominal_inertia = wp.mat33(*host_copy(model.body_inertia)[0].ravel().tolist())
-        self.base.mass = wp.full(num_worlds, self.base.nominal_mass, dtype=float)
-        self.base.com = wp.full(num_worlds, self.base.nominal_com, dtype=wp.vec3)
-        self.friction = wp.full(num_worlds, config.solver.friction, dtype=float)
+        num_worlds = config.num_worlds
+        self.bodies = Bodies(config, simulation)
         self.next_push = wp.full(num_worlds, NEVER, dtype=int)
         self.push = wp.zeros(num_worlds, dtype=wp.vec3)
         self._set_ranges()
@@ -81,28 +74,9 @@ class Randomization:
     def draw_bodies(self) -> None:
         """Draw the base of every world anew. It takes milliseconds a world, so only when all worlds are made anew."""
         if self.settings.base_mass or self.settings.base_com:
-            inputs = [self.episodes.seed, self.body_ranges, self.base]
+            inputs = [self.episodes.seed, self.body_ranges, self.bodies.base]
             wp.launch(randomization.draw_bodies, dim=self.config.num_worlds, inputs=inputs)
-            self.apply_bodies()
-
-    def apply_bodies(self) -> None:
-        """Make the physics use ``base``."""
-        model = self.simulation.model
-        wp.launch(
-            randomization.apply_bodies,
-            dim=self.config.num_worlds,
-            inputs=[
-                self.base,
-                self.bodies_per_world,
-                self.simulation.robot,
-                model.body_mass,
-                model.body_inv_mass,
-                model.body_com,
-                model.body_inertia,
-                model.body_inv_inertia,
-            ],
-        )
-        self.simulation.inertia_changed()
+            self.bodies.apply_bodies()
 
     def begin(self) -> None:
         """Draw what lasts for an episode, in every world that is done."""
@@ -112,18 +86,12 @@ class Randomization:
             inputs = [*drawn, self.motor_ranges, motor.stiffness, motor.damping, self.motors.model]
             wp.launch(randomization.draw_motors, dim=num_worlds, inputs=inputs)
         if settings.friction:
-            inputs = [*drawn, self.friction_range, self.friction]
+            inputs = [*drawn, self.friction_range, self.bodies.friction]
             wp.launch(randomization.draw_friction, dim=num_worlds, inputs=inputs)
-            self.apply_friction()
+            self.bodies.apply_friction()
         if settings.push_interval:
             inputs = [*drawn, self.push_interval, self.next_push]
             wp.launch(randomization.schedule_push, dim=num_worlds, inputs=inputs)
-
-    def apply_friction(self) -> None:
-        """Make the physics use ``friction``."""
-        solver_friction = self.simulation.solver.mjw_model.geom_friction
-        inputs = [self.friction, self.simulation.geom_role, solver_friction]
-        wp.launch(randomization.apply_friction, dim=solver_friction.shape, inputs=inputs)
 
     def push_robots(self) -> None:
         """Push the robots whose time has come."""
@@ -146,12 +114,12 @@ class Randomization:
 
     def drawn(self) -> dict[str, np.ndarray]:
         """Return what holds in each world now, by the names of ``DRAWN_QUANTITIES``, first axis worlds."""
-        motors = self.motors.model
-        nominal_com = np.array(self.base.nominal_com)
+        motors, base = self.motors.model, self.bodies.base
+        nominal_com = np.array(base.nominal_com)
         return {
-            "base_mass": np.asarray(self.base.mass.numpy() - self.base.nominal_mass, np.float32),
-            "base_com": np.asarray(self.base.com.numpy() - nominal_com, np.float32),
-            "friction": self.friction.numpy().copy(),
+            "base_mass": np.asarray(base.mass.numpy() - base.nominal_mass, np.float32),
+            "base_com": np.asarray(base.com.numpy() - nominal_com, np.float32),
+            "friction": self.bodies.friction.numpy().copy(),
             "stiffness": motors.stiffness.numpy().copy(),
             "damping": motors.damping.numpy().copy(),
             "strength": motors.strength.numpy().copy(),

@@ -27,9 +27,9 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "strength": motors.model.strength,
         "motor_offset": motors.model.offset,
         "delay": motors.model.delay,
-        "base_mass": randomization.base.mass,
-        "base_com": randomization.base.com,
-        "friction": randomization.friction,
+        "base_mass": randomization.bodies.base.mass,
+        "base_com": randomization.bodies.base.com,
+        "friction": randomization.bodies.friction,
         "next_push": randomization.next_push,
         "seed": episodes.seed,
         "episode": episodes.episode,
@@ -81,10 +81,10 @@ class WorldSnapshot:
                 if values.size != array.size * (array.dtype._length_ if hasattr(array.dtype, "_length_") else 1):
                     raise Kine2GoError(f"{name} of the snapshot has shape {values.shape}, expected {array.shape}")
                 array.assign(values)
-            randomization = environment.randomization
+            bodies = environment.randomization.bodies
             if environment.config.randomization.base_mass or environment.config.randomization.base_com:
-                randomization.apply_bodies()
-            randomization.apply_friction()
+                bodies.apply_bodies()
+            bodies.apply_friction()
             environment.episodes.done.zero_()
 
     def save(self, path: Path) -> None:

@@ -35,7 +35,9 @@ def test_what_is_drawn_reaches_the_solver(drawn_environment):
     simulation, drawn = drawn_environment.simulation, drawn_environment.randomization.drawn()
     solver = simulation.solver.mjw_model
     mass = solver.body_mass.numpy()[:, 1]
-    np.testing.assert_allclose(mass, drawn_environment.randomization.base.nominal_mass + drawn["base_mass"], rtol=1e-5)
+    np.testing.assert_allclose(
+        mass, drawn_environment.randomization.bodies.base.nominal_mass + drawn["base_mass"], rtol=1e-5
+    )
     np.testing.assert_allclose(solver.body_ipos.numpy()[:, 1], simulation.robot.com_b.numpy(), atol=1e-6)
     inertia = solver.body_inertia.numpy()[:, 1].sum(axis=1)
     np.testing.assert_allclose(inertia / inertia[0], mass / mass[0], rtol=1e-4)
