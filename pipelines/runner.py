@@ -125,7 +125,7 @@ class RecipeRunner:
             writer,
             self.recipe.gather,
             self.device,
-            on_step=lambda done, total: self.observer.advanced(done, total, ""),
+            on_progress=self.observer.advanced,
         )
         self._record(entry.name, result)
         return result

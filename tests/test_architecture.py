@@ -98,7 +98,8 @@ def test_training_and_gathering_need_neither_placo_nor_rerun(clip, tmp_path):
 from kine2go_warp.cli.main import main
 assert main("train dog_trot.npz --out policy --device cpu --iterations 1 --num-worlds 4".split()) == 0
 assert main("gather policy --out data.zarr --device cpu --trajectories 2 --rows 5 --max-distance 9 --max-angle 4"
-            " --max-joint-rmse 9".split()) == 0
+            " --max-joint-rmse 9 --max-leg-contact 2 --max-foot-slip 99 --max-joint-jerk 1e9"
+            " --max-joint-limit 2 --max-torque-saturation 2 --max-action-saturation 2".split()) == 0
 """
     run_without(("placo", "pinocchio", "rerun"), script, tmp_path)
 

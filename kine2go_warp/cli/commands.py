@@ -75,12 +75,14 @@ class Gather:
     """The dataset, a Zarr store; it is created, or the motion is added to it."""
     device: str | None = None
     """cpu or cuda; by default cuda where there is one."""
+    strict: bool = False
+    """Stop at the first fault of the simulation and save the state before it beside the policy."""
     config: GatherConfig = field(default_factory=GatherConfig)
 
     def run(self) -> int:
         """Gather with a progress bar and print a table."""
         from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.cli.tables import print_summaries
+        from kine2go_warp.cli.tables import print_rejections, print_summaries
         from kine2go_warp.dataset.summary import summarise_motion
         from kine2go_warp.dataset.writer import DatasetWriter
         from kine2go_warp.learning.policy import PolicyFolder
@@ -97,9 +99,11 @@ class Gather:
                 DatasetWriter(self.out, GO2),
                 self.config,
                 self.device,
-                lambda done, total: progress.advanced(done, total, ""),
+                progress.advanced,
+                self.strict,
             )
         print_summaries([summarise_motion(self.out, result.motion)], self.out)
+        print_rejections(result)
         return 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from kine2go_warp.device import start_warp
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from kine2go_warp.dataset.summary import MotionSummary
     from kine2go_warp.motions.fetch import FileState
     from kine2go_warp.motions.quality import ClipQuality
+    from kine2go_warp.rollouts.gather import GatherResult
+    from kine2go_warp.rollouts.replay import ReplayResult
 
 PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "placo", "zarr", "rerun-sdk")
 
@@ -53,6 +56,49 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
             path = recordings / f"{row.motion}.rrd"
             if path.is_file():
                 output.print(f"look at it: rerun {path}", highlight=False, soft_wrap=True)
+
+
+def print_rejections(result: "GatherResult") -> None:
+    """Print why rollouts were rejected, which ones are worth a look, and how fast they were gathered."""
+    output = console()
+    if result.rejected:
+        table = Table(title=f"{result.motion}: rejected rollouts", title_justify="left")
+        table.add_column("reason")
+        table.add_column("rollouts", justify="right")
+        for reason, count in sorted(result.rejected.items(), key=lambda item: -item[1]):
+            table.add_row(reason, str(count))
+        output.print(table)
+    if result.borderline:
+        numbers = ", ".join(str(number) for number in result.borderline)
+        output.print(f"worth a look, the most doubtful first: {numbers}", highlight=False, soft_wrap=True)
+    if result.is_new:
+        output.print(
+            f"{result.rows_per_second:,.0f} rows/s and {result.megabytes_per_second:.1f} MB/s while simulating, "
+            f"{100.0 * result.waiting_share:.1f} % of it waiting for the disk; dataset written in "
+            f"{result.write_time:.1f} s",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engine: str) -> None:
+    """Print how replays compare with the record."""
+    from kine2go_warp.rollouts.replay import HORIZONS
+
+    title = f"replay in {engine}: largest differences of root [mm] and joints [mrad] within a time"
+    table = Table(title=escape(title), title_justify="left")
+    times = (*(f"{horizon} s" for horizon in HORIZONS), "to the end")
+    for heading in ("motion", "device", "trajectory", "rows", "same bits", *times):
+        table.add_column(heading, justify="left" if heading in ("motion", "device") else "right")
+    for motion, device, found in results:
+        for one in found:
+            same = "all" if one.first_difference is None else f"before row {one.first_difference}"
+            shown = (
+                f"{1e3 * root:.3g} / {1e3 * joint:.3g}"
+                for root, joint in zip(one.root_difference, one.joint_difference, strict=True)
+            )
+            table.add_row(motion, device, str(one.trajectory), str(one.num_rows), same, *shown)
+    console().print(table)
 
 
 def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.schema import ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.dataset.writer import check_version
 from kine2go_warp.errors import DatasetError
@@ -71,5 +71,8 @@ def read_motion(path: Path, motion: str) -> MotionData:
     trajectories = Trajectories(
         rows={array.name: read(array.name) for array in ROW_ARRAYS},
         draws={array.name: read(array.name) for array in TRAJECTORY_ARRAYS},
+        groups={
+            name: {array.name: read(f"{name}/{array.name}") for array in arrays} for name, arrays in SUB_GROUPS.items()
+        },
     )
     return MotionData(motion, dict(group.attrs), read("time"), trajectories)

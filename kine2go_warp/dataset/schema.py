@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from kine2go_warp.robots import RobotSpec
 
-FORMAT_VERSION = "0.1"
+FORMAT_VERSION = "0.2"
 
 # Names and maxima of kernels.rewards, said again so that readers of a dataset need no Warp.
 REWARD_TERMS = ("joint_position", "joint_velocity", "foot_position", "root_pose", "root_velocity")
@@ -45,6 +45,8 @@ ROW_ARRAYS = (
     ArraySpec("action_mean", (*_FRAME, "joint"), "1", "the same for the mean of the policy's distribution"),
     ArraySpec("joint_target", (*_FRAME, "joint"), "rad", "commanded joint position"),
     ArraySpec("joint_torque", (*_FRAME, "joint"), "N m", "torque applied in the last physics substep"),
+    ArraySpec("leg_contact", _FRAME, "1", "1 where a thigh or calf touches the ground, else 0"),
+    ArraySpec("push", (*_FRAME, "axis"), "m/s", "velocity that a push adds to the base right after this row, world"),
     ArraySpec("phase", _FRAME, "1", "place in the reference cycle, in [0, 1)"),
     ArraySpec("cycle", _FRAME, "1", "whole reference cycles passed"),
     ArraySpec("reference_root_position", (*_FRAME, "axis"), "m", "reference at the row's instant, world frame"),
@@ -69,8 +71,65 @@ QUALITY_ARRAYS = (
     ArraySpec("root_error", ("trajectory",), "m", "mean distance of the root from its reference"),
     ArraySpec("root_angle", ("trajectory",), "rad", "mean angle of the root from its reference"),
     ArraySpec("foot_error", ("trajectory",), "m", "mean distance of the feet from their references"),
+    ArraySpec("largest_root_error", ("trajectory",), "m", "largest distance of the root from its reference"),
+    ArraySpec("largest_root_angle", ("trajectory",), "rad", "largest angle of the root from its reference"),
+    ArraySpec("leg_contact", ("trajectory",), "1", "share of rows in which a thigh or calf touches the ground"),
+    ArraySpec("joint_limit", ("trajectory",), "1", "share of joint positions close to a limit of the joint"),
+    ArraySpec("torque_saturation", ("trajectory",), "1", "share of joint torques at the motor's limit"),
+    ArraySpec("action_saturation", ("trajectory",), "1", "share of joint targets beyond the limits of the joint"),
+    ArraySpec("foot_slip", ("trajectory",), "m/s", "mean horizontal speed of feet that bear weight"),
+    ArraySpec("joint_jerk", ("trajectory",), "rad/s^3", "mean size of the joints' jerk"),
+    ArraySpec("doubt", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
 )
-"""How well each rollout tracked, computed from its rows."""
+"""How good each rollout is, computed from its rows."""
+
+RANDOMIZATION_ARRAYS = (
+    ArraySpec("base_mass", ("trajectory",), "kg", "mass added to the base"),
+    ArraySpec("base_com", ("trajectory", "axis"), "m", "shift of the base's centre of mass, base frame"),
+    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
+    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
+    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
+    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
+    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
+    ArraySpec("latency", ("trajectory",), "s", "time from an action to its effect at the motors"),
+)
+"""What holds for each rollout, whether it was drawn or not."""
+
+INITIAL_STATE_ARRAYS = (
+    ArraySpec("joint_q", ("trajectory", "coordinate"), "m, 1, rad", "base origin, orientation (x, y, z, w), joints"),
+    ArraySpec(
+        "joint_qd",
+        ("trajectory", "velocity"),
+        "m/s, rad/s",
+        "velocity of the base's centre of mass and angular velocity, world frame, then joints",
+    ),
+    ArraySpec("warm_start", ("trajectory", "velocity"), "m/s^2, rad/s^2", "the solver's last accelerations"),
+    ArraySpec("target_queue", ("trajectory", "slot", "joint"), "rad", "joint targets on their way to the motors"),
+    ArraySpec("reference_step", ("trajectory",), "1", "control steps since the rollout began", "int32"),
+    ArraySpec("delay", ("trajectory",), "1", "latency in physics substeps", "int32"),
+    ArraySpec("base_mass", ("trajectory",), "kg", "mass of the base"),
+    ArraySpec("base_com", ("trajectory", "axis"), "m", "centre of mass of the base, base frame"),
+    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
+    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
+    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
+    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
+    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
+)
+"""Everything that simulator and motors need to go on from the first kept row."""
+
+SUB_GROUPS = {
+    "quality": QUALITY_ARRAYS,
+    "randomization": RANDOMIZATION_ARRAYS,
+    "initial_state": INITIAL_STATE_ARRAYS,
+}
+"""Groups inside a motion's group, and their arrays."""
+
+REJECTED = "rejected"
+"""Group of the rollouts that were rejected, if they are kept; its trajectories are counted along ``rejected``."""
+
+REASON = ArraySpec(
+    "reason", ("trajectory",), "1", "why the rollout was rejected, a place in the attribute meanings", "int32"
+)
 
 
 def coordinates(spec: RobotSpec) -> dict[str, tuple[str, ...]]:

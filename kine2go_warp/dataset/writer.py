@@ -5,8 +5,8 @@ import os
 import platform
 import shutil
 import warnings
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +16,25 @@ from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
 from kine2go_warp import __version__
-from kine2go_warp.dataset.quality import tracking_quality
 from kine2go_warp.dataset.schema import (
     FORMAT_VERSION,
     FRAMES_NOTE,
-    QUALITY_ARRAYS,
+    REASON,
+    REJECTED,
     ROW_ARRAYS,
+    SUB_GROUPS,
     TRAJECTORY_ARRAYS,
     ArraySpec,
     coordinates,
 )
-from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.dataset.trajectories import Rollouts, padded
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file, flush_folder
 from kine2go_warp.revision import revision
 from kine2go_warp.robots import RobotSpec
+
+SHARD_TRAJECTORIES = 64
+"""Most trajectories in one file of an array, and so in memory while it is written."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +89,21 @@ class DatasetWriter:
             return {}
 
     def write(
-        self, motion: str, trajectories: Trajectories, simulation: SimulationAttributes, attributes: Mapping[str, Any]
+        self,
+        motion: str,
+        trajectories: Rollouts,
+        simulation: SimulationAttributes,
+        attributes: Mapping[str, Any],
+        rejected: "RejectedRollouts | None" = None,
     ) -> None:
-        """Add a motion, replacing an older one of that name.
+        """Add a motion, replacing an older one of that name. A few rollouts are in memory at a time.
 
         Args:
             motion: Its name.
             trajectories: Its data.
             simulation: How it was simulated, which must be the same for all motions of a dataset.
             attributes: Attributes of the motion.
+            rejected: Rollouts that were rejected, if they are to be kept.
 
         Raises:
             DatasetError: the dataset holds motions that were simulated otherwise.
@@ -103,7 +113,7 @@ class DatasetWriter:
         shutil.rmtree(staging, ignore_errors=True)
         frame_duration = 1.0 / simulation.control_frequency
         try:
-            self._write_group(staging, trajectories.padded(), frame_duration, attributes)
+            self._write_group(staging, trajectories, frame_duration, attributes, rejected)
             flush_folder(staging)
             self._write_root(simulation)
             self._put_in_place(staging, self.path / motion)
@@ -147,6 +157,10 @@ class DatasetWriter:
         """Write the index of all arrays into the root's metadata, the last thing to change."""
         consolidate(self.path)
 
+    def spool(self, motion: str) -> Path:
+        """Return where rollouts of a motion may lie until they are written. What is left behind is removed later."""
+        return self._staging(f"spool-{motion}")
+
     def _staging(self, motion: str) -> Path:
         """Return where a motion is written before it is put in place, on the same file system as the store."""
         return self.path.with_name(f".tmp-{self.path.name}-{motion}-{platform.node()}-{os.getpid()}")
@@ -169,7 +183,12 @@ class DatasetWriter:
                 shutil.rmtree(leftover, ignore_errors=True)
 
     def _write_group(
-        self, folder: Path, trajectories: Trajectories, frame_duration: float, attributes: Mapping[str, Any]
+        self,
+        folder: Path,
+        trajectories: Rollouts,
+        frame_duration: float,
+        attributes: Mapping[str, Any],
+        rejected: "RejectedRollouts | None",
     ) -> None:
         """Write one motion as a group of its own."""
         group = zarr.open_group(folder, mode="w", zarr_format=3)
@@ -183,15 +202,21 @@ class DatasetWriter:
             ArraySpec("trajectory", ("trajectory",), "1", "number of the trajectory", "int32"),
             np.arange(trajectories.num_trajectories),
         )
-        for array in ROW_ARRAYS:
-            write_array(group, array, trajectories.rows[array.name])
-        for array in TRAJECTORY_ARRAYS:
-            write_array(group, array, trajectories.draws[array.name])
-        quality = group.create_group("quality")
-        figures = tracking_quality(trajectories.rows)
-        for array in QUALITY_ARRAYS:
-            write_array(quality, array, figures[array.name])
+        write_rollouts(group, trajectories)
+        for name, arrays in SUB_GROUPS.items():
+            write_members(group.create_group(name), arrays, trajectories.groups[name])
+        if rejected is not None and rejected.rollouts.num_trajectories:
+            write_rejected(group.create_group(REJECTED), rejected)
         consolidate(folder)
+
+
+@dataclass(frozen=True)
+class RejectedRollouts:
+    """Rollouts that were rejected."""
+
+    rollouts: Rollouts
+    reasons: Sequence[str]
+    """Why, one text a rollout."""
 
 
 def is_running(pid: int) -> bool:
@@ -205,22 +230,61 @@ def is_running(pid: int) -> bool:
     return True
 
 
+def write_rollouts(group: zarr.Group, rollouts: Rollouts, dimension: str = "trajectory") -> None:
+    """Write rows and draws of rollouts, one shard of rollouts at a time."""
+    for array in ROW_ARRAYS:
+        array = along(array, dimension)  # noqa: PLW2901
+        count, sample = rollouts.num_trajectories, rollouts.read_rows(array.name, 0, 1)
+        target = create_array(group, array, (count, *sample.shape[1:]), np.dtype(array.dtype))
+        for first in range(0, count, SHARD_TRAJECTORIES):
+            last = min(first + SHARD_TRAJECTORIES, count)
+            lengths = rollouts.draws["length"][first:last]
+            target[first:last] = padded(rollouts.read_rows(array.name, first, last), lengths)
+    write_members(group, (along(array, dimension) for array in TRAJECTORY_ARRAYS), rollouts.draws)
+
+
+def write_members(group: zarr.Group, arrays: Iterable[ArraySpec], values: Mapping[str, NDArray]) -> None:
+    """Write arrays that have one entry a trajectory."""
+    for array in arrays:
+        write_array(group, array, values[array.name])
+
+
+def write_rejected(group: zarr.Group, rejected: RejectedRollouts) -> None:
+    """Write rollouts that were rejected, with the reasons, along a dimension of their own."""
+    write_rollouts(group, rejected.rollouts, REJECTED)
+    for name, arrays in SUB_GROUPS.items():
+        members = tuple(along(array, REJECTED) for array in arrays)
+        write_members(group.create_group(name), members, rejected.rollouts.groups[name])
+    meanings = sorted(set(rejected.reasons))
+    write_array(group, along(REASON, REJECTED), np.array([meanings.index(reason) for reason in rejected.reasons]))
+    group["reason"].attrs.update({"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)})
+
+
+def along(array: ArraySpec, dimension: str) -> ArraySpec:
+    """Return an array with another name for the dimension of trajectories."""
+    return replace(array, dims=(dimension, *array.dims[1:]))
+
+
 def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:
-    """Write one array: a chunk a trajectory, one shard in all, lossless."""
+    """Write one array at once."""
     values = np.asarray(values, dtype=array.dtype)
-    chunks = (1, *values.shape[1:]) if values.ndim > 1 else values.shape
-    target = group.create_array(
+    create_array(group, array, values.shape, values.dtype)[...] = values
+
+
+def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dtype: np.dtype) -> zarr.Array:
+    """Create an array: a chunk a trajectory, few shards, lossless, with a checksum against damage on the disk."""
+    is_rows = array.dims[1:2] == ("frame",)
+    return group.create_array(
         array.name,
-        shape=values.shape,
-        dtype=values.dtype,
-        chunks=chunks,
-        shards=values.shape if values.ndim > 1 else None,
-        compressors=ZstdCodec(level=3),
-        fill_value=np.nan if values.dtype.kind == "f" else 0,
+        shape=shape,
+        dtype=dtype,
+        chunks=(1, *shape[1:]) if is_rows else shape,
+        shards=(min(shape[0], SHARD_TRAJECTORIES), *shape[1:]) if is_rows else None,
+        compressors=ZstdCodec(level=3, checksum=True),
+        fill_value=np.nan if dtype.kind == "f" else 0,
         dimension_names=array.dims,
         attributes={"units": array.unit, "description": array.description},
     )
-    target[...] = values
 
 
 def consolidate(folder: Path) -> None:

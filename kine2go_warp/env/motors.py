@@ -55,8 +55,12 @@ class Motors:
             wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
             wp.copy(self.joint_target, output)
-        inputs = [self.joint_target, reference_step, self.target_queue]
-        wp.launch(actuation.push_target, dim=shape, inputs=inputs)
+        self.queue_targets(self.joint_target, reference_step)
+
+    def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:
+        """Queue joint targets [rad], shape [num_worlds, 12]."""
+        inputs = [joint_target, reference_step, self.target_queue]
+        wp.launch(actuation.push_target, dim=joint_target.shape, inputs=inputs)
 
     def apply(
         self, substep: int, reference_step: wp.array, joint_q: wp.array, joint_qd: wp.array, joint_force: wp.array

@@ -1,5 +1,7 @@
 """The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco as mujoco_package
@@ -49,6 +51,33 @@ def position_driven_model(spec: RobotSpec, config: EnvConfig) -> Any:
     return model
 
 
+@dataclass(frozen=True)
+class MotorState:
+    """The motors of one robot."""
+
+    stiffness: NDArray
+    """[N m/rad], shape [12]."""
+    damping: NDArray
+    """[N m s/rad], shape [12]."""
+    strength: NDArray
+    """Factor on the torque, shape [12]."""
+    offset: NDArray
+    """Error of the zero angle [rad], shape [12]."""
+    delay: int
+    """Latency [physics substeps]."""
+
+    @classmethod
+    def nominal(cls, config: EnvConfig) -> "MotorState":
+        """Return what holds where nothing is drawn."""
+        return cls(
+            np.full(12, config.motor.stiffness),
+            np.full(12, config.motor.damping),
+            np.ones(12),
+            np.zeros(12),
+            config.delay_substeps,
+        )
+
+
 class MujocoRobot:
     """A robot driven by joint targets, as in the environment: PD law, latency and torque limits.
 
@@ -57,17 +86,46 @@ class MujocoRobot:
     world frame, joint velocities [rad/s]), shape [18].
     """
 
-    def __init__(self, simulation: Simulation, config: EnvConfig, spec: RobotSpec) -> None:
-        """Make the robot of world 0 of a simulation; motors are those of the settings, nothing being drawn."""
+    def __init__(
+        self, simulation: Simulation, config: EnvConfig, spec: RobotSpec, motors: MotorState | None = None
+    ) -> None:
+        """Make the robot of world 0 of a simulation; its motors are nominal unless given."""
         self.model = mujoco_model(simulation, config)
         self.data = mujoco.MjData(self.model)
-        self.config, self.effort = config, np.array(spec.joint_effort)
-        self.com_b = np.array(self.model.body_ipos[1])
+        self.substeps, self.effort = config.substeps, np.array(spec.joint_effort)
+        self.motors = motors or MotorState.nominal(config)
         self.torque = np.zeros(12)
         self._targets: list[NDArray] = []
 
-    def set_state(self, joint_q: NDArray, joint_qd: NDArray) -> None:
-        """Place the robot; its motors hold the joints where they are."""
+    @property
+    def com_b(self) -> NDArray:
+        """Centre of mass of the base, base frame [m]."""
+        return np.array(self.model.body_ipos[1])
+
+    def set_body(self, mass: float, com_b: NDArray, friction: float, geom_role: NDArray) -> None:
+        """Give the robot another base, and friction with the ground.
+
+        Args:
+            mass: Of the base [kg]; its inertia grows in proportion.
+            com_b: Its centre of mass [m].
+            friction: Coefficient of friction.
+            geom_role: What each shape is; those of the robot are not negative.
+        """
+        self.model.body_inertia[1] *= mass / self.model.body_mass[1]
+        self.model.body_mass[1] = mass
+        self.model.body_ipos[1] = com_b
+        self.model.geom_friction[geom_role >= 0, 0] = friction
+        mujoco.mj_setConst(self.model, self.data)
+
+    def set_state(self, joint_q: NDArray, joint_qd: NDArray, targets: Sequence[NDArray] | None = None) -> None:
+        """Place the robot.
+
+        Args:
+            joint_q: Coordinates.
+            joint_qd: Velocities.
+            targets: Joint targets that are on their way to the motors, one for each substep of the latency, the next
+                one first; by default the motors hold the joints where they are.
+        """
         orientation = Rotation.from_quat(np.asarray(joint_q[3:7], np.float64))
         angular = np.asarray(joint_qd[3:6], np.float64)
         mujoco.mj_resetData(self.model, self.data)
@@ -77,7 +135,12 @@ class MujocoRobot:
         self.data.qvel[:3] = joint_qd[:3] - np.cross(angular, orientation.apply(self.com_b))
         self.data.qvel[3:6] = orientation.inv().apply(angular)
         self.data.qvel[FIRST_DOF:] = joint_qd[6:]
-        self._targets = [np.asarray(joint_q[7:], np.float64)] * self.config.delay_substeps
+        held = [np.asarray(joint_q[7:], np.float64)] * self.motors.delay
+        self._targets = held if targets is None else [np.asarray(target, np.float64) for target in targets]
+
+    def push(self, velocity: NDArray) -> None:
+        """Add a velocity to the base [m/s], shape [3]."""
+        self.data.qvel[:3] += velocity
 
     def state(self) -> tuple[NDArray, NDArray]:
         """Return ``joint_q`` and ``joint_qd``."""
@@ -89,12 +152,12 @@ class MujocoRobot:
 
     def step(self, joint_target: NDArray) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
-        motor = self.config.motor
-        for _ in range(self.config.substeps):
+        motors = self.motors
+        for _ in range(self.substeps):
             # One target a substep: the first in the queue was commanded the latency ago.
             self._targets.append(np.asarray(joint_target, np.float64))
-            target = self._targets.pop(0)
-            demand = motor.stiffness * (target - self.data.qpos[7:]) - motor.damping * self.data.qvel[FIRST_DOF:]
-            self.torque = np.clip(demand, -self.effort, self.effort)
+            error = self._targets.pop(0) + motors.offset - self.data.qpos[7:]
+            demand = motors.stiffness * error - motors.damping * self.data.qvel[FIRST_DOF:]
+            self.torque = np.clip(motors.strength * demand, -self.effort, self.effort)
             self.data.qfrc_applied[FIRST_DOF:] = self.torque
             mujoco.mj_step(self.model, self.data)

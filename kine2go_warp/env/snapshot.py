@@ -78,7 +78,7 @@ class WorldSnapshot:
                     raise Kine2GoError(
                         f"a snapshot of {self.num_worlds} worlds does not fit {environment.num_worlds} worlds"
                     )
-                if values.size != array.size * (array.dtype._length_ if hasattr(array.dtype, "_length_") else 1):
+                if values.shape != array.numpy().shape:
                     raise Kine2GoError(f"{name} of the snapshot has shape {values.shape}, expected {array.shape}")
                 array.assign(values)
             bodies = environment.randomization.bodies

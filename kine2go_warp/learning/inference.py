@@ -18,14 +18,13 @@ from kine2go_warp.learning.vec_env import ImitationVecEnv
 class NoisyPolicy:
     """The actor of a checkpoint. Sampling has a generator of its own, so that a seed fixes the rollouts."""
 
-    def __init__(self, env: ImitationVecEnv, preset: Preset, checkpoint: Path, noise: float, seed: int) -> None:
+    def __init__(self, env: ImitationVecEnv, preset: Preset, checkpoint: Path, seed: int) -> None:
         """Load the actor.
 
         Args:
             env: The environment that it acts in.
             preset: Settings that it was trained with.
             checkpoint: File of the weights.
-            noise: Noise on the outputs, in standard deviations of the policy.
             seed: Seed of the noise.
         """
         settings = preset.ppo.runner_settings(seed, preset.env.privileged)
@@ -39,13 +38,17 @@ class NoisyPolicy:
         except RuntimeError as error:
             raise PolicyError(f"{checkpoint}: does not fit its settings ({str(error).splitlines()[0]})") from None
         self.model = model.to(env.device).eval()
-        self.noise = noise
         self.generator = torch.Generator(env.device).manual_seed(seed)
 
     @torch.inference_mode()
-    def __call__(self, observation: TensorDict) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return mean and sampled output, each of shape [num_worlds, 12]."""
+    def __call__(self, observation: TensorDict, noise: torch.Tensor | float) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return mean and sampled output, each of shape [num_worlds, 12].
+
+        Args:
+            observation: What the policy sees.
+            noise: Noise on the outputs, in standard deviations of the policy, shape [num_worlds, 1] or one for all.
+        """
         self.model(observation, stochastic_output=True)
         mean, deviation = self.model.output_distribution_params
         sample = torch.randn(mean.shape, generator=self.generator, device=mean.device)
-        return mean, mean + self.noise * deviation * sample
+        return mean, mean + noise * deviation * sample

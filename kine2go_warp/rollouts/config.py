@@ -1,9 +1,15 @@
 """Settings of the gathering stage."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from kine2go_warp.env.config import EnvConfig, ResetConfig, TerminationConfig
+from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, RandomizationConfig, ResetConfig, TerminationConfig
 from kine2go_warp.errors import DatasetError
+
+CPU_WORLDS, CUDA_WORLDS = 128, 4096
+"""Most rollouts run at once, unless told otherwise."""
+
+MILD = RandomizationConfig(base_mass=(-0.3, 0.7), friction=(0.6, 1.0), push_interval=(3.0, 6.0), push_speed=(0.0, 0.2))
+"""What differs between rollouts by default: little enough for a policy that was trained without it."""
 
 
 @dataclass(frozen=True)
@@ -11,35 +17,68 @@ class GatherConfig:
     """Settings of the gathering stage."""
 
     trajectories: int = 20
-    """Rollouts to run."""
+    """Rollouts wanted; only those that the filter accepts count."""
     rows: int | None = None
     """Rows of a trajectory after the trim; by default those of the paper's table, 571 for other motions."""
     warm_up: float = 0.5
     """Dropped from the beginning of each rollout, where the policy gets in step with the reference [s]."""
-    noise: float = 1.0
-    """Noise on the actions, in standard deviations of the policy."""
+    noise: tuple[float, float] = (0.5, 1.0)
+    """Noise on the actions, in standard deviations of the policy, drawn for each rollout from this range."""
     seed: int = 1
+    num_worlds: int | None = None
+    """Rollouts run at once; by default as many as are wanted, at most 128 on a CPU and 4096 on a GPU."""
+    budget: float = 4.0
+    """Rollouts run at most, as a multiple of those wanted; then those that were accepted are kept."""
+    keep_rejected: bool = False
+    """Store rejected rollouts, too, in a group of their own."""
     max_distance: float = 0.5
-    """A rollout whose root is ever farther than this from its reference is rejected [m]."""
+    """Largest distance of the root from its reference at any time [m]."""
     max_angle: float = 0.8
-    """A rollout whose root is ever turned further than this from its reference is rejected [rad]."""
+    """Largest angle of the root from its reference at any time [rad]."""
     max_joint_rmse: float = 0.25
-    """A rollout whose joints track worse than this is rejected [rad]."""
+    """Largest root mean square of the joint position error [rad]."""
+    max_leg_contact: float = 0.02
+    """Largest share of rows in which a thigh or calf touches the ground."""
+    max_joint_limit: float = 0.05
+    """Largest share of joint positions at a limit of the joint."""
+    max_torque_saturation: float = 0.1
+    """Largest share of joint torques at the motor's limit."""
+    max_action_saturation: float = 0.2
+    """Largest share of joint targets beyond the limits of the joint."""
+    max_foot_slip: float = 0.4
+    """Largest mean horizontal speed of feet that bear weight [m/s]."""
+    max_joint_jerk: float = 30_000.0
+    """Largest mean size of the joints' jerk [rad/s^3]."""
+    randomization: RandomizationConfig = field(default_factory=lambda: MILD)
+    """What differs between the rollouts."""
 
     def __post_init__(self) -> None:
         if self.trajectories < 1 or (self.rows is not None and self.rows < 2):
             raise DatasetError("trajectories must be at least 1 and rows at least 2")
-        if self.noise < 0.0 or self.warm_up < 0.0 or self.seed < 0:
-            raise DatasetError("noise, warm-up and seed must not be negative")
+        if not 0.0 <= self.noise[0] <= self.noise[1] or self.warm_up < 0.0 or self.seed < 0:
+            raise DatasetError("noise needs 0 <= least <= greatest, and warm-up and seed must not be negative")
+        if self.budget < 1.0 or (self.num_worlds is not None and self.num_worlds < 1):
+            raise DatasetError("budget and num-worlds must be at least 1")
+        for name, value in vars(self).items():
+            if name.startswith("max_") and value <= 0.0:
+                raise DatasetError(f"{name.replace('_', '-')} must be positive")
 
-    def environment(self, trained: EnvConfig, rows: int) -> EnvConfig:
+    def worlds(self, device: str) -> int:
+        """Return how many rollouts to run at once."""
+        most = CPU_WORLDS if device == "cpu" else CUDA_WORLDS
+        return self.num_worlds or min(self.trajectories, most)
+
+    def environment(self, trained: EnvConfig, rows: int, num_worlds: int) -> EnvConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
         return replace(
             trained,
-            num_worlds=self.trajectories,
+            num_worlds=num_worlds,
             seed=self.seed,
             episode_time=time,
             reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
             termination=TerminationConfig(self.max_distance, self.max_angle),
+            randomization=self.randomization,
+            phase_sampling=PhaseSamplingConfig(),
+            privileged=False,
         )

@@ -1,32 +1,28 @@
 """The gathering stage: policy folder in, one motion of a dataset out."""
 
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kine2go_warp import __version__
-from kine2go_warp.dataset.quality import tracking_quality
-from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
-from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
+from kine2go_warp.dataset.writer import DatasetWriter, RejectedRollouts, SimulationAttributes
 from kine2go_warp.device import choose_device
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
-from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
 from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.quality import BORDERLINE
 from kine2go_warp.settings import content_hash, to_dictionary
-
-if TYPE_CHECKING:
-    from kine2go_warp.env.environment import ImitationEnvironment
-
 
 DEFAULT_ROWS = 571
 """Rows of a trajectory whose motion is not in the catalogue."""
+
+ProgressCallback = Callable[[int, int, str], None]
+"""Called with what is done, the total, and details in words."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +33,20 @@ class GatherResult:
     accepted: int
     rejected: dict[str, int]
     """Number of rejected rollouts by reason."""
+    borderline: tuple[int, ...]
+    """Accepted rollouts that are worth a look, the most doubtful first."""
     fingerprint: str
     """Hash of policy and settings."""
     is_new: bool
     """Whether the rollouts were run now, rather than found in the dataset."""
+    rows_per_second: float = 0.0
+    """State rows simulated and recorded in a second, if they were run now."""
+    megabytes_per_second: float = 0.0
+    """What was handed to the disk in a second of simulation [MB/s], if it was now."""
+    waiting_share: float = 0.0
+    """Share of the time for which the simulation waited for the disk, if it ran now."""
+    write_time: float = 0.0
+    """Time that writing the dataset took afterwards [s], if it was now."""
 
 
 def gather(
@@ -48,16 +54,18 @@ def gather(
     writer: DatasetWriter,
     config: GatherConfig,
     device: str | None = None,
-    on_step: Callable[[int, int], None] | None = None,
+    on_progress: ProgressCallback | None = None,
+    strict: bool = False,
 ) -> GatherResult:
-    """Roll a policy out in a batch, reject falls and drift, and add the rest to a dataset.
+    """Roll a policy out in batches until enough rollouts are good, and add these to a dataset.
 
     Args:
         policy: A trained policy.
         writer: The dataset.
         config: Settings.
         device: Where to simulate; by default on CUDA where there is one.
-        on_step: Called with the control steps done and their total.
+        on_progress: Called now and then.
+        strict: Stop at the first fault of the simulation and save its state beside the policy.
 
     Raises:
         PolicyError: the policy cannot be read.
@@ -72,32 +80,66 @@ def gather(
     writer.check(clip.name, simulation)
     known = writer.attributes(clip.name)
     if known.get("fingerprint") == fingerprint:
-        return GatherResult(clip.name, known["accepted"], known["rejected"], fingerprint, is_new=False)
+        borderline = tuple(known.get("borderline", ()))
+        return GatherResult(clip.name, known["accepted"], known["rejected"], borderline, fingerprint, is_new=False)
+
+    from kine2go_warp.rollouts.campaign import Campaign
+
     device = choose_device(device)
-    trajectories, failures = roll_out(policy, record, clip, config, device, on_step)
-    reasons = rejections(trajectories, failures, config)
-    accepted = np.array([reason == "" for reason in reasons])
-    rejected = dict(Counter(reason for reason in reasons if reason))
-    if not accepted.any():
-        found = ", ".join(f"{count} by {reason}" for reason, count in rejected.items())
-        raise DatasetError(f"{clip.name}: all {len(accepted)} rollouts were rejected ({found}); train longer")
-    attributes = {
-        "motion": clip.name,
-        **asdict(clip.origin),
+    fault_folder = policy.path if strict else None
+    with Campaign(policy, record, clip, config, device, writer.spool(clip.name), fault_folder) as campaign:
+        campaign.run(on_progress)
+        rejected = dict(Counter(campaign.reasons_rejected))
+        if not campaign.num_accepted:
+            found = ", ".join(f"{count} by {reason}" for reason, count in rejected.items())
+            raise DatasetError(
+                f"{clip.name}: all {campaign.num_rollouts} rollouts were rejected ({found}); train longer"
+            )
+        accepted = campaign.accepted()
+        doubt = accepted.groups["quality"]["doubt"]
+        borderline = tuple(int(index) for index in np.argsort(-doubt, kind="stable") if doubt[index] > BORDERLINE)
+        attributes = {
+            "motion": clip.name,
+            **asdict(clip.origin),
+            "accepted": accepted.num_trajectories,
+            "rejected": rejected,
+            "borderline": list(borderline),
+            "fingerprint": fingerprint,
+            "environment_settings": to_dictionary(campaign.environment.config),
+            "ground_reach": campaign.ground_reach,
+            "gather_settings": to_dictionary(config),
+            **training_attributes(policy, record),
+            "device": device,
+        }
+        others = RejectedRollouts(campaign.rejected(), campaign.reasons_rejected) if config.keep_rejected else None
+        started = time.perf_counter()
+        writer.write(clip.name, accepted, simulation, attributes, others)
+        write_time = time.perf_counter() - started
+        spent = campaign.seconds
+        return GatherResult(
+            clip.name,
+            accepted.num_trajectories,
+            rejected,
+            borderline,
+            fingerprint,
+            is_new=True,
+            rows_per_second=campaign.num_rows_simulated / spent,
+            megabytes_per_second=campaign.num_bytes / 1e6 / spent,
+            waiting_share=campaign.waited / spent,
+            write_time=write_time,
+        )
+
+
+def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str, object]:
+    """Return what a dataset says of the policy and of the software."""
+    return {
         "policy_sha256": policy.checkpoint_hash(),
-        "fingerprint": fingerprint,
-        "accepted": int(accepted.sum()),
-        "rejected": rejected,
-        "gather_settings": to_dictionary(config),
         "training_settings": to_dictionary(record.preset),
         "training_seconds": record.seconds,
         "training_iterations": record.iterations,
         "software_version": __version__,
         "software_revision": revision(),
-        "device": device,
     }
-    writer.write(clip.name, trajectories.selected(accepted), simulation, attributes)
-    return GatherResult(clip.name, int(accepted.sum()), rejected, fingerprint, is_new=True)
 
 
 def with_rows(config: GatherConfig, motion: str) -> GatherConfig:
@@ -111,85 +153,3 @@ def with_rows(config: GatherConfig, motion: str) -> GatherConfig:
 def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:
     """Return a hash of policy and settings."""
     return content_hash(policy.checkpoint_hash(), to_dictionary(config))
-
-
-def roll_out(
-    policy: PolicyFolder,
-    record: PolicyRecord,
-    clip: MotionClip,
-    config: GatherConfig,
-    device: str,
-    on_step: Callable[[int, int], None] | None,
-) -> tuple[Trajectories, NDArray[np.int32]]:
-    """Run all rollouts at once.
-
-    Returns:
-        The rollouts after the trim, and why each one failed (a number of ``REASON_NAMES``), 0 if it did not.
-    """
-    import torch
-    import warp as wp
-
-    from kine2go_warp.env.environment import ImitationEnvironment
-    from kine2go_warp.learning.inference import NoisyPolicy
-    from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
-    from kine2go_warp.rollouts.recorder import RolloutRecorder
-
-    rows = config.rows or DEFAULT_ROWS
-    share_stream(device)
-    environment = ImitationEnvironment([clip], config.environment(record.preset.env, rows), device)
-    env = ImitationVecEnv(environment)
-    actor = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), config.noise, config.seed)
-    recorder = RolloutRecorder(environment)
-    draws = read_draws(environment, config)
-
-    warm_up = round(config.warm_up * environment.config.control_rate)
-    total = warm_up + rows
-    reason = wp.to_torch(environment.episodes.reason)
-    failure = torch.zeros_like(reason)
-    survived = torch.zeros_like(reason)
-    observation = env.get_observations()
-    for step in range(total):
-        mean, output = actor(observation)
-        if step >= warm_up:
-            recorder.record_state()
-        observation, *_ = env.step(output)
-        if step >= warm_up:
-            recorder.record_action(mean, output)
-        failure = torch.where(failure == 0, reason, failure)
-        survived += (failure == 0).int()
-        if on_step is not None:
-            on_step(step + 1, total)
-    # The action of the row in which a rollout failed led to no state, but the row itself is whole.
-    rows_kept = (survived + (failure > 0).int() - warm_up).clamp(min=0)
-    draws["length"] = rows_kept.cpu().numpy().astype(np.int32)
-    recorded = recorder.rows()
-    for name in ("root_orientation", "reference_root_orientation"):
-        recorded[name] = continuous_quaternions(recorded[name])
-    return Trajectories(recorded, draws), failure.cpu().numpy()
-
-
-def read_draws(environment: "ImitationEnvironment", config: GatherConfig) -> dict[str, NDArray]:
-    """Return how each rollout was drawn, read when it begins."""
-    return {
-        "heading": environment.episodes.placement.heading.numpy().copy(),
-        "start_phase": environment.episodes.placement.start_phase.numpy().copy(),
-        "seed": environment.episodes.seed.numpy().copy(),
-        "noise": np.full(environment.num_worlds, config.noise, dtype=np.float32),
-    }
-
-
-def rejections(trajectories: Trajectories, failures: NDArray, config: GatherConfig) -> list[str]:
-    """Return why each rollout is rejected, an empty text if it is not."""
-    from kine2go_warp.kernels.terminations import REASON_NAMES, REASON_NONE
-
-    joint_rmse = np.full(len(failures), np.inf)
-    whole = failures == int(REASON_NONE)
-    if whole.any():
-        joint_rmse[whole] = tracking_quality(trajectories.selected(whole).rows)["joint_rmse"]
-    reasons = []
-    for failure, rmse in zip(failures, joint_rmse, strict=True):
-        if failure != int(REASON_NONE):
-            reasons.append(REASON_NAMES[failure])
-        else:
-            reasons.append("" if rmse <= config.max_joint_rmse else "joint_error")
-    return reasons

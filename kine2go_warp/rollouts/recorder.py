@@ -1,17 +1,16 @@
 """Takes rows of state and action off the device without slowing it down."""
 
-import numpy as np
 import torch
 import warp as wp
-from numpy.typing import NDArray
 
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.recording import record_reference, record_root
 from kine2go_warp.kernels.reference import sample_reference
+from kine2go_warp.rollouts.spool import RowSpool
 
 ROWS_ON_DEVICE = 128
-"""Rows buffered on the device before they are handed to the host."""
+"""Rows buffered on the device before they are handed over."""
 
 
 class RolloutRecorder:
@@ -20,12 +19,11 @@ class RolloutRecorder:
     ``record_state`` before a step and ``record_action`` after it make one row.
     """
 
-    def __init__(self, environment: ImitationEnvironment) -> None:
-        self.environment = environment
+    def __init__(self, environment: ImitationEnvironment, spool: RowSpool) -> None:
+        self.environment, self.spool = environment, spool
         self._allocate()
         self._views = self._state_views()
         self._buffers: dict[str, torch.Tensor] = {}
-        self._blocks: dict[str, list[NDArray]] = {}
         self._filled = 0
 
     def record_state(self) -> None:
@@ -61,15 +59,15 @@ class RolloutRecorder:
         self._store("action", action)
         self._store("action_mean", action + offset / spec.action_scale)
         self._store("reward", wp.to_torch(environment.reward_terms))
+        self._store("push", wp.to_torch(environment.randomization.push))
         self._filled += 1
         if self._filled == ROWS_ON_DEVICE:
             self._hand_over()
 
-    def rows(self) -> dict[str, NDArray]:
-        """Return everything recorded, each of shape [num_worlds, num_rows, ...], and forget it."""
-        self._hand_over()
-        # One array at a time, so that blocks and result never lie in memory together for all of them.
-        return {name: np.concatenate(self._blocks.pop(name), axis=1) for name in list(self._blocks)}
+    def finish(self) -> None:
+        """Hand over what is left."""
+        if self._filled:
+            self._hand_over()
 
     def _allocate(self) -> None:
         """Allocate what the recording kernels write."""
@@ -103,6 +101,7 @@ class RolloutRecorder:
         arrays["joint_torque"] = environment.motors.torque
         arrays["foot_contact_force"] = environment.simulation.foot_force
         views = {name: wp.to_torch(array) for name, array in arrays.items()}
+        views["leg_contact"] = wp.to_torch(environment.simulation.leg_contact)
         views["joint_position"] = wp.to_torch(environment.robot.joint_q)[:, 7:]
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]
         return views
@@ -115,8 +114,15 @@ class RolloutRecorder:
         self._buffers[name][self._filled].copy_(value)
 
     def _hand_over(self) -> None:
-        """Move the buffered rows to the host."""
+        """Give the buffered rows to the spool, without waiting for the device."""
+        on_gpu = self.environment.device.is_cuda
+        blocks = {}
         for name, buffer in self._buffers.items():
-            block = buffer[: self._filled].cpu().numpy()
-            self._blocks.setdefault(name, []).append(np.moveaxis(block, 0, 1).copy())
+            block = torch.empty((self._filled, *buffer.shape[1:]), dtype=buffer.dtype, pin_memory=on_gpu)
+            # Later kernels on the same stream overwrite the buffer only when this copy is done.
+            blocks[name] = block.copy_(buffer[: self._filled], non_blocking=True)
+        ready = torch.cuda.Event() if on_gpu else None
+        if ready is not None:
+            ready.record()
+        self.spool.hand_over(blocks, ready)
         self._filled = 0

@@ -12,6 +12,7 @@ import pytest
 
 from kine2go_warp.cli.data import DATA_VARIABLE
 from kine2go_warp.cli.main import explain, main
+from tests.conftest import ANYTHING_GOES
 
 KINE2GO = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 
@@ -108,7 +109,8 @@ def test_a_disk_that_is_full_leaves_nothing_half_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-LOOSE = ["--trajectories", "3", "--rows", "20", "--max-distance", "9", "--max-angle", "4", "--max-joint-rmse", "9"]
+LIMITS = [(f"--{name.replace('_', '-')}", str(value)) for name, value in ANYTHING_GOES.items()]
+LOOSE = ["--trajectories", "3", "--rows", "20", *(word for limit in LIMITS for word in limit)]
 
 
 def test_a_disk_that_fills_up_during_gathering_keeps_the_dataset(policy, tmp_path):

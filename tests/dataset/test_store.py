@@ -11,7 +11,7 @@ import xarray
 import zarr
 
 from kine2go_warp.dataset.reader import motion_names, read_motion
-from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
@@ -39,7 +39,15 @@ def made_up(rng, count=3, rows=20):
         "start_phase": rng.random(count),
         "noise": np.ones(count),
     }
-    return Trajectories(arrays, draws)
+    sizes = {**shapes, "coordinate": 19, "velocity": 18, "slot": 3}
+    groups = {
+        group: {
+            array.name: rng.normal(size=[sizes[dimension] for dimension in array.dims]).astype(array.dtype)
+            for array in members
+        }
+        for group, members in SUB_GROUPS.items()
+    }
+    return Trajectories(arrays, draws, groups)
 
 
 @pytest.fixture
@@ -100,8 +108,10 @@ def test_what_is_written_comes_back_bit_for_bit_with_nan_beyond_each_length(tmp_
 
 def test_a_motion_is_few_files(store):
     files = [path for path in (store / "one").rglob("*") if path.is_file()]
-    arrays = len(ROW_ARRAYS) + len(TRAJECTORY_ARRAYS) + len(QUALITY_ARRAYS) + len(SIZES) + 2
-    assert len(files) <= 2 * arrays + 2, "metadata and one shard an array"
+    members = sum(len(arrays) for arrays in SUB_GROUPS.values())
+    arrays = len(ROW_ARRAYS) + len(TRAJECTORY_ARRAYS) + members + len(SIZES) + 2
+    groups = 1 + len(SUB_GROUPS)
+    assert len(files) <= 2 * arrays + groups, "metadata and one shard an array"
 
 
 def test_no_object_arrays_and_no_pickles(store):
@@ -125,7 +135,7 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("kine2go_warp.dataset.writer.tracking_quality", fail)
+    monkeypatch.setattr("kine2go_warp.dataset.writer.write_members", fail)
     with pytest.raises(OSError, match="No space"):
         DatasetWriter(store, GO2).write("one", made_up(rng), SIMULATION, {"rejected": {}})
     np.testing.assert_array_equal(read_motion(store, "one").trajectories.rows["action"], before)

@@ -117,17 +117,17 @@ def test_a_folder_with_other_things_is_never_replaced(store, tmp_path):
 def test_whatever_else_is_stored_once_a_trajectory_goes_along(store, tmp_path):
     masses = np.arange(6, dtype=np.float32).reshape(3, 2)
     for motion in ORIGINS:
-        group = zarr.open_group(store / motion, mode="a", use_consolidated=False).create_group("randomization")
+        group = zarr.open_group(store / motion, mode="a", use_consolidated=False).create_group("bodies")
         spec = ArraySpec("mass", ("trajectory", "body"), "kg", "mass of some bodies")
         write_array(group, spec, masses)
         consolidate(store / motion)
     card = card_of(store, "npz", tmp_path / "npz")
-    assert "| `randomization/mass` | trajectory x body | kg | mass of some bodies |" in card
+    assert "| `bodies/mass` | trajectory x body | kg | mass of some bodies |" in card
     with np.load(tmp_path / "npz" / "two" / "trajectory-0001.npz", allow_pickle=False) as file:
-        np.testing.assert_array_equal(file["randomization/mass"], masses[1])
+        np.testing.assert_array_equal(file["bodies/mass"], masses[1])
     card_of(store, "lerobot", tmp_path / "lerobot")
     episodes = pq.read_table(tmp_path / "lerobot" / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
-    assert episodes["kine2go/randomization/mass"].to_pylist() == masses.tolist() * 2
+    assert episodes["kine2go/bodies/mass"].to_pylist() == masses.tolist() * 2
 
 
 def test_progress_counts_trajectories(store, tmp_path):

@@ -8,13 +8,14 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
+from tests.conftest import ANYTHING_GOES
 
 
 @pytest.fixture(scope="session")
 def simulated_dataset(policy, tmp_path_factory):
     """A dataset of a policy that is not good."""
     path = tmp_path_factory.mktemp("scores") / "dataset.zarr"
-    loose = GatherConfig(trajectories=4, rows=60, max_distance=3.0, max_angle=3.0, max_joint_rmse=10.0)
+    loose = GatherConfig(trajectories=4, rows=60, **ANYTHING_GOES)
     assert gather(policy, DatasetWriter(path, GO2), loose, "cpu").accepted == 4
     return path
 

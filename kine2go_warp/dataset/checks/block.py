@@ -33,8 +33,8 @@ class Settings:
     """Weights of the reward terms, before the division by the control rate."""
     warm_up: float | None
     """Dropped from the beginning of each rollout [s]."""
-    noise: float | None
-    """Noise on the actions, in standard deviations."""
+    noise: tuple[float, float] | None
+    """Least and greatest noise on the actions, in standard deviations."""
     max_distance: float | None
     """Farthest that a root of an accepted rollout is from its reference [m]."""
     max_angle: float | None
@@ -67,7 +67,7 @@ class Settings:
             friction=number(motion, "training_settings", "env", "solver", "friction"),
             reward_weights=known if len(known) == len(terms) else None,
             warm_up=gathering("warm_up"),
-            noise=gathering("noise"),
+            noise=pair(motion, "gather_settings", "noise"),
             max_distance=gathering("max_distance"),
             max_angle=gathering("max_angle"),
             max_joint_rmse=gathering("max_joint_rmse"),
@@ -83,9 +83,24 @@ def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
     return float(value) if is_number and np.isfinite(value) else None
 
 
+def pair(attributes: Mapping[str, Any], group: str, name: str) -> tuple[float, float] | None:
+    """Return two numbers from nested attributes, None if they are not there."""
+    values = attributes.get(group)
+    values = values.get(name) if isinstance(values, Mapping) else None
+    if not isinstance(values, list) or len(values) != 2:
+        return None
+    low, high = (number({"value": value}, "value") for value in values)
+    return None if low is None or high is None else (low, high)
+
+
 def positive(value: float | None) -> float | None:
     """Return a value if it is a positive number, None otherwise."""
     return value if value is not None and value > 0.0 else None
+
+
+def is_rows(name: str, values: Any) -> bool:
+    """Return whether an array has an entry for each row; those of sub-groups have one for each trajectory."""
+    return values.ndim > 1 and "/" not in name
 
 
 @dataclass(frozen=True)
@@ -98,13 +113,11 @@ class Block:
     """Arrays by name as they are stored, those of sub-groups as ``group/name``; unreadable ones are not there."""
     settings: Settings
     spec: RobotSpec
-    is_randomised: bool = False
-    """Whether robots and motors differ from trajectory to trajectory."""
 
     @cached_property
     def rows(self) -> Mapping[str, Array]:
         """The row arrays, NaN beyond each trajectory's length."""
-        return {name: self._masked(values) for name, values in self.stored.items() if values.ndim > 1}
+        return {name: self._masked(values) for name, values in self.stored.items() if is_rows(name, values)}
 
     @cached_property
     def beyond(self) -> NDArray[np.bool_]:
@@ -121,11 +134,11 @@ class Block:
     @property
     def num_rows(self) -> int:
         """Rows of the longest possible trajectory."""
-        return next(values.shape[1] for values in self.stored.values() if values.ndim > 1)
+        return next(values.shape[1] for name, values in self.stored.items() if is_rows(name, values))
 
     def __getitem__(self, name: str) -> Array:
         """Return an array by name: row arrays with NaN beyond each length, others as they are."""
-        return self.rows[name] if self.stored[name].ndim > 1 else self.stored[name]
+        return self.rows[name] if name in self.rows else self.stored[name]
 
     def __contains__(self, name: str) -> bool:
         return name in self.stored

@@ -26,16 +26,16 @@ def noise_mean(block: Block) -> Array | None:
 
     Without noise, actions and their means must be equal; their distance is returned in thousandths then.
     """
-    if block.settings.noise is None:
+    if "noise" not in block:
         return None
     noise = np.moveaxis(block["action"] - block["action_mean"], -1, 1)
-    if block.settings.noise == 0.0:
-        return 1e3 * largest(np.abs(noise), 1)
     rows = (~np.isnan(noise)).sum(axis=-1)
     centre = mean(noise, 2)
     spread = root_mean_square(noise - centre[..., None], 2)
     errors = np.abs(centre) * np.sqrt(rows) / np.maximum(spread, 1e-9)
-    return largest(np.where(rows >= SHORTEST_SAMPLE, errors, np.nan), 1)
+    scatter = largest(np.where(rows >= SHORTEST_SAMPLE, errors, np.nan), 1)
+    is_quiet = block["noise"] == 0.0
+    return np.where(is_quiet, 1e3 * largest(largest(np.abs(noise), 2), 1), scatter)
 
 
 def mean_misplaced(block: Block) -> Array:
@@ -67,16 +67,31 @@ def torque_error(block: Block) -> Array | None:
     substep's way back; its joint velocities are taken as those at its end.
     """
     settings = block.settings
-    known = (settings.latency, settings.physics_substeps, settings.control_frequency)
-    if None in known or settings.stiffness is None or settings.damping is None:
+    if settings.physics_substeps is None or settings.control_frequency is None:
         return None
-    latency, substeps, frequency = (value or 0 for value in known)
-    lag = latency_rows(latency, int(substeps), frequency)
+    if any(f"randomization/{name}" not in block for name in MOTOR):
+        return None
+    substeps, frequency = settings.physics_substeps, settings.control_frequency
+    lags = np.array([latency_rows(latency, substeps, frequency) for latency in block["randomization/latency"]])
+    error = np.full(block.num_trajectories, np.nan)
+    for lag in np.unique(lags):
+        chosen = np.flatnonzero(lags == lag)
+        error[chosen] = motor_error(block.selected(chosen), int(lag), 1.0 / (substeps * frequency))
+    return error
+
+
+MOTOR = ("stiffness", "damping", "strength", "motor_offset", "latency")
+"""What the motors' law takes, of each trajectory."""
+
+
+def motor_error(block: Block, lag: int, substep: float) -> Array:
+    """Return the same for trajectories with one latency, given in rows."""
+    stiffness, damping, strength, offset = (block[f"randomization/{name}"][:, None] for name in MOTOR[:4])
     velocity = block["joint_velocity"][:, lag:]
-    position = block["joint_position"][:, lag:] - velocity / (substeps * frequency)
-    target = block["joint_target"][:, : block.num_rows - lag]
+    position = block["joint_position"][:, lag:] - velocity * substep
+    target = block["joint_target"][:, : block.num_rows - lag] + offset
     effort = np.array(block.spec.joint_effort)
-    expected = np.clip(settings.stiffness * (target - position) - settings.damping * velocity, -effort, effort)
+    expected = np.clip(strength * (stiffness * (target - position) - damping * velocity), -effort, effort)
     torque = block["joint_torque"][:, lag:]
     return median(np.abs(torque - expected), 1) / (median(np.abs(torque), 1) + 0.1)
 

@@ -84,10 +84,10 @@ def force_in_the_air(block: Block) -> Array:
 
 def beyond_friction(block: Block) -> Array | None:
     """Return by how much a force along the floor is more than friction can give [N], shape [n, num_rows]."""
-    if block.settings.friction is None or block.is_randomised:
+    if "randomization/friction" not in block:
         return None
-    force = block["foot_contact_force"]
-    return largest(np.linalg.norm(force[..., :2], axis=-1) - block.settings.friction * force[..., 2], 2)
+    force, friction = block["foot_contact_force"], block["randomization/friction"][:, None, None]
+    return largest(np.linalg.norm(force[..., :2], axis=-1) - friction * force[..., 2], 2)
 
 
 def weight_error(block: Block) -> Array:

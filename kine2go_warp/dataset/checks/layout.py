@@ -3,19 +3,13 @@
 from dataclasses import dataclass
 
 from kine2go_warp.dataset.schema import (
-    QUALITY_ARRAYS,
     ROW_ARRAYS,
+    SUB_GROUPS,
     TRAJECTORY_ARRAYS,
     ArraySpec,
     coordinates,
 )
 from kine2go_warp.robots import RobotSpec
-
-SUB_GROUPS = {"quality": QUALITY_ARRAYS}
-"""Groups inside a motion's group, and their arrays."""
-
-RANDOMIZATION = "randomization"
-"""The group in which a motion keeps how its robots and motors differ, where they do."""
 
 COORDINATES = (
     ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"),
@@ -31,6 +25,13 @@ class Layout:
     arrays: dict[str, ArraySpec]
     labels: dict[str, tuple[str, ...]]
     """Coordinates that are names, by the dimension that they label."""
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the dimensions that the robot decides."""
+        num_joints = len(self.labels["joint"])
+        sizes = {name: len(labels) for name, labels in self.labels.items()}
+        return {**sizes, "coordinate": 7 + num_joints, "velocity": 6 + num_joints}
 
     @classmethod
     def of(cls, spec: RobotSpec) -> "Layout":

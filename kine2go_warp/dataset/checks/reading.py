@@ -11,8 +11,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.checks.block import Block, Settings
-from kine2go_warp.dataset.checks.layout import RANDOMIZATION, Layout
+from kine2go_warp.dataset.checks.block import Block, Settings, is_rows
+from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.records import Finding
 from kine2go_warp.dataset.schema import REWARD_TERMS
 from kine2go_warp.robots import RobotSpec
@@ -109,7 +109,7 @@ def blocks(motion: StoredMotion, root: dict[str, Any], spec: RobotSpec) -> Itera
     """
     settings = Settings.read(root, motion.attributes, REWARD_TERMS)
     names = usable(motion, spec)
-    if not any(motion.arrays[name].ndim > 1 for name in names):
+    if not any(is_rows(name, motion.arrays[name]) for name in names):
         return
     total = motion.arrays[names[0]].shape[0]
     for numbers in np.array_split(np.arange(total), max(1, -(-total // BLOCK))):
@@ -118,15 +118,15 @@ def blocks(motion: StoredMotion, root: dict[str, Any], spec: RobotSpec) -> Itera
         part = slice(int(numbers[0]), int(numbers[-1]) + 1)
         values = {name: motion.read(name, part) for name in names}
         stored = {name: one.astype(np.float64) for name, one in values.items() if one is not None}
-        if any(one.ndim > 1 for one in stored.values()):
-            yield Block(part.start, stored, settings, spec, RANDOMIZATION in motion.groups)
+        if any(is_rows(name, one) for name, one in stored.items()):
+            yield Block(part.start, stored, settings, spec)
 
 
 def usable(motion: StoredMotion, spec: RobotSpec) -> list[str]:
     """Return the arrays whose shape fits the schema and the majority of the others."""
     layout = Layout.of(spec)
-    sizes = {dimension: len(labels) for dimension, labels in layout.labels.items()}
-    for dimension in ("trajectory", "frame"):
+    sizes = layout.sizes
+    for dimension in ("trajectory", "frame", "slot"):
         with contextlib.suppress(ValueError):
             sizes[dimension] = common_size(motion, layout, dimension)
     return [

@@ -104,10 +104,11 @@ def outside(name: str, low: float, high: float) -> Measure:
 
 
 def noise_error(block: Block) -> Array | None:
-    """Return how far the noise of a trajectory is from that of the settings."""
+    """Return how far the noise of a trajectory is outside the range of the settings."""
     if block.settings.noise is None:
         return None
-    return np.abs(block["noise"] - block.settings.noise)
+    low, high = block.settings.noise
+    return np.maximum(np.maximum(low - block["noise"], block["noise"] - high), 0.0)
 
 
 QUATERNIONS = tuple(array.name for array in ROW_ARRAYS if "quaternion" in array.dims)

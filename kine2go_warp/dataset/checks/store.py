@@ -109,8 +109,8 @@ def check_arrays(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
 
 def check_metadata(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
     """Check dimensions, sizes, type, unit, description and fill value of every array of the schema."""
-    sizes: dict[str, int] = {name: len(labels) for name, labels in layout.labels.items()}
-    for dimension in ("trajectory", "frame"):
+    sizes = layout.sizes
+    for dimension in ("trajectory", "frame", "slot"):
         try:
             sizes[dimension] = common_size(motion, layout, dimension)
         except ValueError:

@@ -51,7 +51,7 @@ ROW_FAULTS = {
     ),
     "another start phase": fault("start_phase", lambda one: (one + 0.3) % 1.0, "start phase"),
     "an impossible heading": fault("heading", lambda one: one + 7.0, "draws"),
-    "another noise": fault("noise", lambda _: 0.5, "draws"),
+    "another noise": fault("noise", lambda _: 1.5, "draws"),
     "linear velocity in the base frame": Fault(
         seen_from_the_base("root_linear_velocity"), "link kinematics", "link_linear_velocity",
         ("root_linear_velocity",), diagnosis="root_linear_velocity is in the base frame",

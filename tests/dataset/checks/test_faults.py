@@ -8,6 +8,7 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
+from tests.conftest import ANYTHING_GOES
 from tests.dataset.checks.row_faults import ROW_FAULTS
 from tests.dataset.checks.store_faults import STORE_FAULTS
 
@@ -32,7 +33,7 @@ def test_a_simulated_dataset_is_clean_and_no_check_is_left_out(clean_dataset):
 
 
 def test_a_dataset_without_noise_is_clean(policy, tmp_path):
-    quiet = GatherConfig(trajectories=2, rows=60, noise=0.0, max_distance=9.0, max_angle=3.2, max_joint_rmse=9.0)
+    quiet = GatherConfig(trajectories=2, rows=60, noise=(0.0, 0.0), **ANYTHING_GOES)
     gather(policy, DatasetWriter(tmp_path / "quiet.zarr", GO2), quiet, "cpu")
     assert check_dataset(tmp_path / "quiet.zarr", GO2).findings == ()
 

@@ -1,0 +1,59 @@
+"""The command that repeats trajectories."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from kine2go_warp.rollouts.replay import ReplayResult
+
+DIFFERENT = 1
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Repeat the recorded commands of trajectories from their initial states and compare with the record."""
+
+    dataset: tyro.conf.Positional[Path]
+    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    motion: tyro.conf.Positional[str | None] = None
+    """Name of a motion; by default all of them."""
+    trajectory: tyro.conf.Positional[int | None] = None
+    """Number of a trajectory; by default the first --count."""
+    count: int = 3
+    """How many trajectories of each motion."""
+    engine: Literal["newton", "mujoco"] = "newton"
+    """newton repeats bit for bit on the CPU what was gathered there; mujoco tells how far plain MuJoCo agrees."""
+    device: str | None = None
+    """Where Newton simulates, cpu or cuda; by default where the motion was gathered."""
+
+    def run(self) -> int:
+        """Replay, print a table, and return 1 if a replay on the same device is not the same bit for bit."""
+        from rich.progress import track
+
+        from kine2go_warp.cli.tables import console, print_replays
+        from kine2go_warp.dataset.reader import motion_names, read_motion
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.errors import DatasetError
+        from kine2go_warp.rollouts.replay import replay_motion
+
+        if self.count < 1:
+            raise DatasetError("count must be at least 1")
+        motions = [self.motion] if self.motion is not None else motion_names(self.dataset)
+        output = console()
+        results: list[tuple[str, str, list[ReplayResult]]] = []
+        for motion in track(motions, "replaying", console=output, transient=True, disable=not output.is_terminal):
+            data = read_motion(self.dataset, motion)
+            gathered_on = str(data.attributes.get("device", "cpu"))
+            device = choose_device(self.device or gathered_on)
+            chosen = list(range(min(self.count, data.trajectories.num_trajectories)))
+            if self.trajectory is not None:
+                chosen = [self.trajectory]
+            results.append((motion, device, replay_motion(self.dataset, motion, chosen, self.engine, device)))
+        print_replays(results, self.engine)
+        # CUDA adds contacts in no fixed order, and another engine differs in rounding: there it is no fault.
+        must_agree = self.engine == "newton"
+        differs = any(not one.is_identical for _, device, found in results for one in found if device == "cpu")
+        return DIFFERENT if must_agree and differs else 0

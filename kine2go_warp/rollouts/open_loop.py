@@ -1,0 +1,112 @@
+"""Robots that follow recorded commands without a policy: the simulation of a rollout alone, as it was gathered."""
+
+from dataclasses import replace
+
+import warp as wp
+from numpy.typing import NDArray
+
+from kine2go_warp.env.bodies import Bodies
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.model import SpecArrays
+from kine2go_warp.env.motors import Motors
+from kine2go_warp.env.simulation import Simulation
+from kine2go_warp.env.terrain import build_height_field
+from kine2go_warp.kernels.recording import record_root
+from kine2go_warp.kernels.resets import advance_counters
+from kine2go_warp.robots import GO2, RobotSpec
+
+InitialState = dict[str, NDArray]
+"""Arrays of ``INITIAL_STATE_ARRAYS``, the first axis of each being the trajectory."""
+
+
+class OpenLoop:
+    """Simulation and motors of some rollouts."""
+
+    def __init__(
+        self, config: EnvConfig, ground_reach: float, initial: InitialState, device: str, spec: RobotSpec = GO2
+    ) -> None:
+        """Put the robots where the rollouts begin.
+
+        Args:
+            config: The environment that the rollouts were gathered in.
+            ground_reach: How far its ground reaches from the middle [m].
+            initial: Where they begin.
+            device: Where to simulate.
+            spec: The robot.
+        """
+        num_worlds, queue_length = initial["target_queue"].shape[:2]
+        self.config = replace(config, num_worlds=num_worlds)
+        self.device = wp.get_device(device)
+        with wp.ScopedDevice(self.device):
+            ground = build_height_field(config.terrain, ground_reach)
+            self.simulation = Simulation(spec, self.config, ground, self.device)
+            self.motors = Motors(self.config, SpecArrays.upload(spec, self.device))
+            assert self.motors.target_queue.shape[1] == queue_length
+            self.bodies = Bodies(self.config, self.simulation)
+            self.reference_step = wp.zeros(num_worlds, dtype=int)
+            self._root = [wp.zeros(num_worlds, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
+            self._target = wp.zeros((num_worlds, 12), dtype=float)
+            self._length = wp.zeros(num_worlds, dtype=wp.int64)
+            # Once without a graph, so that modules are loaded and lazy allocations made.
+            self._advance()
+            with wp.ScopedCapture() as capture:
+                self._advance()
+            self._graph = capture.graph
+            self._place(initial)
+
+    def _place(self, initial: InitialState) -> None:
+        """Write the initial state where the simulation reads it."""
+        robot, model = self.simulation.robot, self.motors.model
+        targets = {
+            "joint_q": robot.joint_q,
+            "joint_qd": robot.joint_qd,
+            "warm_start": self.simulation.warm_start,
+            "target_queue": self.motors.target_queue,
+            "reference_step": self.reference_step,
+            "delay": model.delay,
+            "stiffness": model.stiffness,
+            "damping": model.damping,
+            "strength": model.strength,
+            "motor_offset": model.offset,
+            "base_mass": self.bodies.base.mass,
+            "base_com": self.bodies.base.com,
+            "friction": self.bodies.friction,
+        }
+        for name, array in targets.items():
+            array.assign(initial[name])
+        randomization = self.config.randomization
+        if randomization.base_mass or randomization.base_com:
+            self.bodies.apply_bodies()
+        self.bodies.apply_friction()
+
+    def step(self, joint_target: NDArray, push: NDArray) -> None:
+        """Advance by one control step.
+
+        Args:
+            joint_target: Recorded joint targets [rad], shape [num_worlds, 12].
+            push: Recorded pushes [m/s], shape [num_worlds, 3].
+        """
+        with wp.ScopedDevice(self.device):
+            if push.any():
+                joint_qd = self.simulation.robot.joint_qd.numpy().copy()
+                joint_qd[:, :3] += push
+                self.simulation.robot.joint_qd.assign(joint_qd)
+            self._target.assign(joint_target)
+            assert self._graph is not None
+            wp.capture_launch(self._graph)
+
+    def _advance(self) -> None:
+        """Launch one control step."""
+        self.motors.queue_targets(self._target, self.reference_step)
+        self.simulation.advance(self.motors, self.reference_step)
+        wp.launch(advance_counters, dim=self.config.num_worlds, inputs=[self.reference_step, self._length])
+
+    def state(self) -> dict[str, NDArray]:
+        """Return the present state by the names of the dataset's arrays, the first axis being the world."""
+        with wp.ScopedDevice(self.device):
+            wp.launch(record_root, dim=self.config.num_worlds, inputs=[self.simulation.robot, *self._root])
+        names = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity")
+        state = {name: array.numpy().copy() for name, array in zip(names, self._root, strict=True)}
+        state["joint_position"] = self.simulation.robot.joint_q.numpy()[:, 7:].copy()
+        state["joint_velocity"] = self.simulation.robot.joint_qd.numpy()[:, 6:].copy()
+        return state

@@ -1,0 +1,107 @@
+"""Rows on their way to the disk: handed over by the simulation, written by a thread of their own."""
+
+import queue
+import shutil
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+QUEUED_BLOCKS = 3
+"""Blocks that may wait to be written before the simulation waits, too: all that is ever in memory."""
+
+
+class RowSpool:
+    """Files of rows, one an array, in the order in which they were simulated: [num_rows, num_worlds, ...].
+
+    A file is written once from its beginning to its end, which is what disks do best; a full disk is an error of the
+    writing thread, which the next hand-over or ``close`` raises.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Begin with empty files."""
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        self.folder = folder
+        self.waited = 0.0
+        """Time for which the simulation has waited for the disk [s]."""
+        self.num_bytes = 0
+        """Bytes handed over."""
+        self._layout: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
+        self._queue: queue.Queue = queue.Queue(QUEUED_BLOCKS)
+        self._error: OSError | None = None
+        self._thread = threading.Thread(target=self._write, name="kine2go spool", daemon=True)
+        self._thread.start()
+
+    def hand_over(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
+        """Queue some rows of all arrays, each of shape [num_rows, num_worlds, ...], in memory of the host.
+
+        Args:
+            blocks: The rows; they must not change any more.
+            ready: On a GPU, what to wait for before they are there.
+
+        Raises:
+            OSError: an earlier block could not be written.
+        """
+        started = time.perf_counter()
+        self._queue.put((blocks, ready))
+        self.waited += time.perf_counter() - started
+        self._raise_error()
+
+    def close(self) -> None:
+        """Wait until everything is written.
+
+        Raises:
+            OSError: a block could not be written.
+        """
+        started = time.perf_counter()
+        self._queue.put(None)
+        self._thread.join()
+        self.waited += time.perf_counter() - started
+        self._raise_error()
+
+    def read(self, name: str, worlds: NDArray) -> NDArray:
+        """Return the rows of some worlds, shape [len(worlds), num_rows, ...]."""
+        dtype, shape = self._layout[name]
+        rows = np.memmap(self.folder / name, dtype=dtype, mode="r").reshape(-1, *shape)
+        return np.moveaxis(rows[:, worlds], 0, 1)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays."""
+        return tuple(self._layout)
+
+    def _raise_error(self) -> None:
+        """Raise what went wrong in the thread."""
+        if self._error is not None:
+            raise self._error
+
+    def _write(self) -> None:
+        """Write blocks until told to end; after an error, drop them."""
+        files = {}
+        try:
+            while (item := self._queue.get()) is not None:
+                blocks, ready = item
+                if ready is not None:
+                    ready.synchronize()
+                for name, block in blocks.items():
+                    if self._error is not None:
+                        break
+                    values = block.numpy()
+                    if name not in files:
+                        files[name] = (self.folder / name).open("wb")
+                        self._layout[name] = (values.dtype, values.shape[1:])
+                    try:
+                        files[name].write(np.ascontiguousarray(values).data)
+                        self.num_bytes += values.nbytes
+                    except OSError as error:
+                        self._error = error
+        finally:
+            for file in files.values():
+                try:
+                    file.close()
+                except OSError as error:
+                    self._error = self._error or error
