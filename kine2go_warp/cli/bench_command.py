@@ -13,7 +13,7 @@ from kine2go_warp.errors import Kine2GoError
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
 
-Stage = Literal["env", "train", "retarget"]
+Stage = Literal["env", "train", "retarget", "gather", "load"]
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Bench:
 
     stages: tyro.conf.Positional[tuple[Stage, ...]]
     """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all
-    motions that are there."""
+    motions that are there; gather: rollouts from simulation to dataset; load: random windows of --dataset."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
@@ -36,6 +36,10 @@ class Bench:
     """Processes that share the simulation on a CPU; with more than one, env compares them with one."""
     steps: int = 24
     """Control steps of each measurement of env."""
+    rows: int = 571
+    """Rows of a rollout of gather."""
+    dataset: Path | None = None
+    """Dataset to load."""
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False
@@ -45,10 +49,10 @@ class Bench:
         """Measure and print medians and spreads."""
         from kine2go_warp.cli.tables import console, print_bench
 
-        if not self.stages or min(self.repeats, self.steps, self.processes) < 1:
-            raise Kine2GoError(
-                "name at least one of env, train, retarget; repeats, steps and processes must be positive"
-            )
+        if not self.stages:
+            raise Kine2GoError("name at least one of env, train, retarget, gather, load")
+        if min(self.repeats, self.steps, self.processes, self.rows) < 1:
+            raise Kine2GoError("repeats, steps, processes and rows must be at least 1")
         reports = [self._measure(stage) for stage in self.stages]
         if self.json:
             console().print_json(json.dumps([report.as_record() for report in reports]))
@@ -59,6 +63,7 @@ class Bench:
 
     def _measure(self, stage: Stage) -> "BenchReport":
         """Run one benchmark."""
+        from kine2go_warp.cli.commands import limit_threads
         from kine2go_warp.motions.catalogue import load_catalogue, motion_named
 
         if stage == "retarget":
@@ -68,9 +73,17 @@ class Bench:
             entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
             return bench_retargeting(entries, folder, self.repeats)
 
+        if stage == "load":
+            from kine2go_warp.bench.loading import bench_loading
+
+            if self.dataset is None:
+                raise Kine2GoError("load needs --dataset")
+            limit_threads()
+            return bench_loading(self.dataset, self.repeats)
+
         from kine2go_warp.bench.environment import bench_environment
+        from kine2go_warp.bench.gathering import bench_gathering
         from kine2go_warp.bench.training import bench_training
-        from kine2go_warp.cli.commands import limit_threads
         from kine2go_warp.device import choose_device
         from kine2go_warp.learning.presets import preset_named
         from kine2go_warp.motions.config import RetargetConfig
@@ -86,4 +99,7 @@ class Bench:
         clip = retarget(motion_named("dog_trot"), None, InverseKinematics(GO2), RetargetConfig()).clip
         if stage == "env":
             return bench_environment(clip, preset.env, device, self.repeats, self.steps, self.processes)
+        if stage == "gather":
+            num_worlds = self.num_worlds or (64 if device == "cpu" else 4096)
+            return bench_gathering(clip, device, self.repeats, num_worlds, self.rows)
         return bench_training(clip, preset, device, self.repeats, self.processes)

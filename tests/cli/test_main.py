@@ -218,7 +218,7 @@ def test_bench_of_environment_and_training_accounts_for_all_the_time(tmp_path):
 
 def test_bench_without_a_stage_says_which_there_are(capsys):
     assert main(["bench"]) == 2
-    assert "env, train, retarget" in capsys.readouterr().err
+    assert "env, train, retarget, gather, load" in capsys.readouterr().err
 
 
 def test_doctor_lists_devices_and_motions(capsys):
