@@ -12,6 +12,7 @@ from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
 from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
+from kine2go_warp.cli.quality_command import Quality
 from kine2go_warp.cli.replay_command import Replay
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
@@ -20,6 +21,7 @@ Command = (
     Annotated[Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Gather, tyro.conf.subcommand("gather")]
+    | Annotated[Quality, tyro.conf.subcommand("quality")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Run, tyro.conf.subcommand("run")]

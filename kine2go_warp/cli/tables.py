@@ -4,7 +4,7 @@ import importlib.metadata
 import platform
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from kine2go_warp.dataset.summary import MotionSummary
     from kine2go_warp.motions.fetch import FileState
     from kine2go_warp.motions.quality import ClipQuality
+    from kine2go_warp.rollouts.distributions import Distribution
     from kine2go_warp.rollouts.gather import GatherResult
     from kine2go_warp.rollouts.replay import ReplayResult
 
@@ -79,6 +80,22 @@ def print_rejections(result: "GatherResult") -> None:
             highlight=False,
             soft_wrap=True,
         )
+
+
+def print_distributions(motion: str, figures: "Sequence[Distribution]", attributes: dict[str, Any]) -> None:
+    """Print the figures of a motion's rollouts, why rollouts were rejected, and which ones are worth a look."""
+    table = Table(title=f"{motion}: {len(figures[0].accepted)} accepted rollouts", title_justify="left")
+    for heading in ("figure", "unit", "median", "90 %", "largest", "limit"):
+        table.add_column(heading, justify="left" if heading in ("figure", "unit") else "right")
+    for one in figures:
+        values = (one.quantile(0.5), one.quantile(0.9), one.quantile(1.0), one.limit)
+        table.add_row(one.name, escape(one.unit), *(f"{value:.4g}" for value in values))
+    output = console()
+    output.print(table)
+    rejected = ", ".join(f"{count} {reason}" for reason, count in attributes.get("rejected", {}).items())
+    output.print(f"rejected: {rejected or 'none'}", highlight=False)
+    doubtful = ", ".join(str(number) for number in attributes.get("borderline", ()))
+    output.print(f"worth a look, the most doubtful first: {doubtful or 'none'}", highlight=False, soft_wrap=True)
 
 
 def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engine: str) -> None:

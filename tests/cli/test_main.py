@@ -31,7 +31,7 @@ def kine2go(*arguments, cwd, **options):
 
 
 COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "export", "sources"]
-COMMANDS += ["cycles", "bench", "doctor"]
+COMMANDS += ["quality", "replay", "cycles", "bench", "doctor"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -1,0 +1,92 @@
+"""How the quality figures of a motion are distributed, and where the limits cut."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS, REJECTED
+from kine2go_warp.errors import DatasetError
+from kine2go_warp.files import atomic_file
+from kine2go_warp.rollouts.quality import LIMITS
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """One figure over the rollouts of a motion."""
+
+    name: str
+    unit: str
+    limit: float
+    accepted: NDArray
+    """The figure of each accepted rollout."""
+    rejected: NDArray
+    """The figure of each rejected rollout that was kept and had any rows."""
+
+    def quantile(self, share: float) -> float:
+        """Return a quantile over the accepted rollouts."""
+        return float(np.quantile(self.accepted, share))
+
+
+def distributions(path: Path, motion: str) -> list[Distribution]:
+    """Return the distribution of every figure that has a limit.
+
+    Raises:
+        DatasetError: the motion cannot be read, or does not tell its limits.
+    """
+    data = read_motion(path, motion)
+    settings = data.attributes.get("gather_settings")
+    if not isinstance(settings, dict) or any(setting not in settings for _, setting, _ in LIMITS):
+        raise DatasetError(f"{path}/{motion}: does not tell the limits it was filtered by; gather it again")
+    group = zarr.open_group(path / motion, mode="r")
+    units = {array.name: array.unit for array in QUALITY_ARRAYS}
+
+    def rejected(name: str) -> NDArray:
+        if REJECTED not in group:
+            return np.empty(0)
+        values = np.asarray(group[f"{REJECTED}/quality/{name}"][...])  # pyright: ignore[reportIndexIssue, reportArgumentType]
+        return values[np.isfinite(values)]
+
+    quality = data.trajectories.groups["quality"]
+    return [
+        Distribution(name, units[name], float(settings[setting]), quality[name], rejected(name))
+        for name, setting, _ in LIMITS
+    ]
+
+
+def draw_distributions(found: dict[str, list[Distribution]], path: Path) -> None:
+    """Draw a panel for each figure: every rollout of every motion as a share of the limit, and the limit."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figures = next(iter(found.values()))
+    rng = np.random.default_rng(0)
+    height = 0.5 * len(found) + 0.9
+    canvas, panels = plt.subplots(3, 3, figsize=(11.0, 3.0 * height), squeeze=False)
+    for place, panel in enumerate(panels.flat):
+        one = figures[place]
+        for row, (_, distributions_of) in enumerate(found.items()):
+            each = distributions_of[place]
+            for values, colour, label in (
+                (each.accepted, "#0072b2", "accepted"),
+                (each.rejected, "#d55e00", "rejected"),
+            ):
+                scatter = row + rng.uniform(-0.25, 0.25, len(values))
+                panel.plot(
+                    values, scatter, ".", color=colour, alpha=0.5, markersize=5, label=label if row == 0 else None
+                )
+        panel.axvline(one.limit, color="black", linewidth=1.0)
+        panel.set_title(f"{one.name.replace('_', ' ')} [{one.unit}]", fontsize=10)
+        panel.set_yticks(range(len(found)), list(found) if place % 3 == 0 else [""] * len(found), fontsize=8)
+        panel.set_ylim(-0.6, len(found) - 0.4)
+        panel.set_xlim(left=0.0)
+    panels[0][0].legend(fontsize=8, loc="upper right")
+    canvas.tight_layout()
+    with atomic_file(path) as temporary:
+        canvas.savefig(temporary, dpi=80, format="png")
+    plt.close(canvas)
