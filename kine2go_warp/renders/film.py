@@ -55,7 +55,7 @@ class RenderConfig:
         if not 1.0 <= self.fps <= 240.0:
             raise RenderError(f"fps must be between 1 and 240, not {self.fps:g}")
         if not 0.0 <= self.start < math.inf or (self.end is not None and not self.start < self.end):
-            raise RenderError(f"the time shown must begin at 0 or later and end after that, not {self.start:g} to {self.end}")
+            raise RenderError(f"a film must begin at 0 s or later and end after that, not {self.start:g} to {self.end}")
         if self.columns is not None and self.columns < 1:
             raise RenderError(f"a grid needs at least one column, not {self.columns}")
 
@@ -159,7 +159,7 @@ def render_film(
     trajectories: Sequence[int],
     path: Path,
     config: RenderConfig,
-    advanced: Callable[[int, int], None] = lambda done, total: None,
+    advanced: Callable[[int, int], None] | None = None,
     overwrite: bool = False,
 ) -> FilmRecord:
     """Write a film of one trajectory, or of several side by side.
@@ -186,7 +186,8 @@ def render_film(
     def counted() -> Iterator[Picture]:
         for number, picture in enumerate(film_pictures(takes, instants, config)):
             yield picture
-            advanced(number + 1, len(instants))
+            if advanced is not None:
+                advanced(number + 1, len(instants))
 
     with atomic_file(path) as temporary:
         write_video(counted(), temporary, fps)
@@ -220,7 +221,7 @@ def film_instants(takes: Sequence[Take], config: RenderConfig, fps: float) -> ND
     return config.start + np.arange(math.floor((end - config.start) * fps + 1e-6) + 1) / fps
 
 
-def film_pictures(takes: Sequence[Take], instants: Sequence[float] | NDArray, config: RenderConfig) -> Iterator[Picture]:
+def film_pictures(takes: Sequence[Take], instants: NDArray[np.float64], config: RenderConfig) -> Iterator[Picture]:
     """Draw the pictures of a film, each of shape [height, width, 3]."""
     columns = min(config.columns or math.ceil(math.sqrt(len(takes))), len(takes))
     width, height = config.width // columns, config.height // math.ceil(len(takes) / columns)

@@ -1,12 +1,15 @@
 """What is drawn: the robot, its reference and a floor, as a MuJoCo model that is posed and never stepped."""
 
 from dataclasses import dataclass
+from typing import Any
 
-import mujoco
+import mujoco as mujoco_package
 import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
+
+mujoco: Any = mujoco_package  # its module is compiled: type checkers do not know what is in it
 
 ROBOT_GROUP, REFERENCE_GROUP, FLOOR_GROUP = 1, 2, 3
 """MuJoCo's groups of shapes, which can be shown and hidden."""
@@ -68,7 +71,7 @@ class Scene:
         return int(self.model.joint(joint).qposadr[0])
 
 
-def _model(spec: RobotSpec) -> mujoco.MjModel:
+def _model(spec: RobotSpec) -> Any:
     """Return the compiled model of both robots and the floor."""
     scene = mujoco.MjSpec()
     _set_look(scene)
@@ -87,7 +90,7 @@ def _model(spec: RobotSpec) -> mujoco.MjModel:
     return scene.compile()
 
 
-def _robot(spec: RobotSpec, group: int) -> mujoco.MjSpec:
+def _robot(spec: RobotSpec, group: int) -> Any:
     """Return the robot without what is only there to collide."""
     robot = mujoco.MjSpec.from_string(spec.urdf.read_text().replace("</robot>", _WITH_VISUALS))
     for shape in list(robot.geoms):
@@ -103,7 +106,7 @@ def _robot(spec: RobotSpec, group: int) -> mujoco.MjSpec:
     return robot
 
 
-def _set_look(scene: mujoco.MjSpec) -> None:
+def _set_look(scene: Any) -> None:
     """Set light, background and floor."""
     scene.stat.extent = 1.5
     scene.visual.quality.shadowsize = 2048

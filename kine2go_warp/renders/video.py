@@ -67,9 +67,7 @@ def write_gif(pictures: Iterator[Picture], path: Path, rate: float) -> None:
     from PIL import Image
 
     first = Image.fromarray(next(pictures)).quantize(GIF_COLOURS, method=Image.Quantize.MEDIANCUT)
-    others = (
-        Image.fromarray(picture).quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures
-    )
+    others = (Image.fromarray(picture).quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
     first.save(path, save_all=True, append_images=others, duration=round(1000.0 / rate), loop=0, optimize=False)
 
 
