@@ -70,8 +70,8 @@ def smoothed(values: Array, deviation: float) -> Array:
     """
     from scipy.ndimage import gaussian_filter1d
 
-    margin = min(int(np.ceil(4.0 * deviation)), len(values) - 1)
-    if margin < 1:
+    margin = int(np.ceil(4.0 * deviation))
+    if len(values) < 2 or margin < 1:
         return values.copy()
     extended = np.pad(values, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
     return gaussian_filter1d(extended, deviation, axis=0, mode="nearest")[margin:-margin]

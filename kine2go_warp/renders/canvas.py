@@ -97,11 +97,13 @@ class Canvas:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self._context.make_current()
         self._buffers.free()
         self._context.free()
 
     def draw(self, view: View, reference: bool = True, floor: bool = True) -> Picture:
         """Return a picture of the scene as it is posed, shape [height, width, 3]."""
+        self._context.make_current()  # another canvas may have been opened or closed since
         camera = self._camera
         camera.lookat[:] = view.target
         camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation

@@ -1,8 +1,8 @@
 """From trajectories of a dataset to the pictures of a film."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -183,14 +183,15 @@ def render_film(
     fps = possible_rate(path, config.fps)
     instants = film_instants(takes, config, fps)
 
-    def counted() -> Iterator[Picture]:
-        for number, picture in enumerate(film_pictures(takes, instants, config)):
+    def counted(pictures: Iterator[Picture]) -> Iterator[Picture]:
+        for number, picture in enumerate(pictures):
             yield picture
             if advanced is not None:
                 advanced(number + 1, len(instants))
 
-    with atomic_file(path) as temporary:
-        write_video(counted(), temporary, fps)
+    # Closed at once when something fails, since a canvas must not outlive the libraries that it draws with.
+    with atomic_file(path) as temporary, closing(film_pictures(takes, instants, config)) as pictures:
+        write_video(counted(pictures), temporary, fps)
     return FilmRecord(len(instants), fps)
 
 
@@ -221,7 +222,9 @@ def film_instants(takes: Sequence[Take], config: RenderConfig, fps: float) -> ND
     return config.start + np.arange(math.floor((end - config.start) * fps + 1e-6) + 1) / fps
 
 
-def film_pictures(takes: Sequence[Take], instants: NDArray[np.float64], config: RenderConfig) -> Iterator[Picture]:
+def film_pictures(
+    takes: Sequence[Take], instants: NDArray[np.float64], config: RenderConfig
+) -> Generator[Picture, None, None]:
     """Draw the pictures of a film, each of shape [height, width, 3]."""
     columns = min(config.columns or math.ceil(math.sqrt(len(takes))), len(takes))
     width, height = config.width // columns, config.height // math.ceil(len(takes) / columns)

@@ -56,7 +56,8 @@ def write_mp4(pictures: Iterator[Picture], path: Path, rate: float) -> None:
         stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": str(QUALITY), "preset": "veryfast"}
+        # Without mbtree=0 the same pictures may give another file: x264's look ahead depends on what is in its memory.
+        stream.options = {"crf": str(QUALITY), "preset": "veryfast", "x264-params": "mbtree=0"}
         for picture in _chain(first, pictures):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")))
         container.mux(stream.encode())
