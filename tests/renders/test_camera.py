@@ -8,7 +8,7 @@ from kine2go_warp.renders.camera import SIDE, FollowCamera, smoothed
 
 @pytest.mark.parametrize("rows", [1, 2, 5, 300])
 def test_a_straight_path_at_even_speed_stays_as_it_is(rows):
-    path = np.outer(np.arange(rows), [0.02, -0.01, 0.0]) + [1.0, 2.0, 3.0]
+    path = np.array([1.0, 2.0, 3.0]) + np.outer(np.arange(rows), [0.02, -0.01, 0.0])
     np.testing.assert_allclose(smoothed(path, 15.0), path, atol=1e-9)
 
 

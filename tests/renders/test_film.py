@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import av
 import numpy as np
@@ -21,7 +22,8 @@ SMALL = RenderConfig(*SIZE)
 
 
 @pytest.fixture(scope="module")
-def artist(can_draw):
+def artist(request):
+    request.getfixturevalue("can_draw")
     with Artist(*SIZE) as one:
         yield one
 
@@ -103,7 +105,7 @@ def test_an_mp4_reads_back(walks, tmp_path):
     assert counts == [(done, 30) for done in range(1, 31)]
     assert {picture.shape for picture in pictures} == {(240, 320, 3)}
     assert all(dark(picture).sum() > 200 for picture in pictures)
-    assert all(np.abs(one.astype(int) - other).max() > 60 for one, other in zip(pictures, pictures[1:], strict=False))
+    assert all(np.abs(one.astype(int) - other).max() > 60 for one, other in pairwise(pictures))
     assert [one.name for one in tmp_path.iterdir()] == ["walk.mp4"]
 
 

@@ -68,8 +68,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="session")
-def report(walks, can_draw, tmp_path_factory):
-    """The report of a dataset of two motions."""
+def report(walks, tmp_path_factory):
+    """The report of a dataset of two motions; without pictures where none can be drawn."""
     path = tmp_path_factory.mktemp("report") / "walks.html"
     write_report(walks, path)
     return path

@@ -83,6 +83,7 @@ def test_tables_sort_from_the_keyboard(opened):
     assert shown_motions(page) == ["walk", "stroll"]
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_all_pictures_load(opened):
     page = opened()
     widths = page.evaluate("[...document.images].map(image => image.complete && image.naturalWidth)")

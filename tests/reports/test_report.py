@@ -95,6 +95,7 @@ def test_elements_are_closed_and_names_lead_somewhere_and_are_unique(page):
             assert name in names
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_pictures_of_the_best_median_and_worst_trajectory_are_there(page):
     images = page.all("img")
     assert len(images) == 2 * 3 * 3
