@@ -27,6 +27,8 @@ SHOWN_ARRAYS = (*POSE_ARRAYS, *(f"reference_{name}" for name in POSE_ARRAYS))
 
 SMALLEST, LARGEST = 64, 4096
 """Limits of the sides of a picture [pixels]."""
+SMALLEST_TILE = 48
+"""Least side of the part of a picture that one trajectory has [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,7 @@ def render_film(
     takes = read_takes(open_dataset(dataset).motion(motion), trajectories)
     fps = possible_rate(path, config.fps)
     instants = film_instants(takes, config, fps)
+    tile_sizes(len(takes), config)
 
     def counted(pictures: Iterator[Picture]) -> Iterator[Picture]:
         for number, picture in enumerate(pictures):
@@ -222,12 +225,27 @@ def film_instants(takes: Sequence[Take], config: RenderConfig, fps: float) -> ND
     return config.start + np.arange(math.floor((end - config.start) * fps + 1e-6) + 1) / fps
 
 
+def tile_sizes(count: int, config: RenderConfig) -> tuple[int, int, int]:
+    """Return the columns of a grid of ``count`` trajectories, and width and height of each one's part [pixels].
+
+    Raises:
+        RenderError: there are too many to be told apart.
+    """
+    columns = min(config.columns or math.ceil(math.sqrt(count)), count)
+    width, height = config.width // columns, config.height // math.ceil(count / columns)
+    if min(width, height) < SMALLEST_TILE:
+        raise RenderError(
+            f"{count} trajectories in {columns} columns leave {width}x{height} pixels for each, and it takes "
+            f"{SMALLEST_TILE}; choose fewer, other --columns or a larger --size"
+        )
+    return columns, width, height
+
+
 def film_pictures(
     takes: Sequence[Take], instants: NDArray[np.float64], config: RenderConfig
 ) -> Generator[Picture, None, None]:
     """Draw the pictures of a film, each of shape [height, width, 3]."""
-    columns = min(config.columns or math.ceil(math.sqrt(len(takes))), len(takes))
-    width, height = config.width // columns, config.height // math.ceil(len(takes) / columns)
+    columns, width, height = tile_sizes(len(takes), config)
     with Artist(width, height) as artist:
         for instant in instants:
             picture = np.full((config.height, config.width, 3), 235, np.uint8)

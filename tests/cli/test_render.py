@@ -51,6 +51,7 @@ def test_a_film_is_made_and_said_what_it_is(walks, tmp_path, capsys):
         (("walk", "--out", "a.mp4", "--start", "5"), "the trajectories end at 0.983 s"),
         (("walk", "--out", "a.mp4", "--start", "0.5", "--end", "0.2"), "not 0.5 to 0.2"),
         (("walk", "--out", "a.mp4", "--columns", "0"), "at least one column"),
+        (("walk", *["0"] * 20, "--columns", "20", "--out", "a.mp4"), "20 columns leave 32x480 pixels for each"),
     ],
 )
 def test_wrong_input_gets_one_line_and_leaves_nothing(walks, tmp_path, monkeypatch, capsys, arguments, message):
