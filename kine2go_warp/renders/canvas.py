@@ -1,7 +1,5 @@
 """Pixels of a scene, drawn by MuJoCo into memory: on a GPU through EGL, without one by Mesa in software."""
 
-import ctypes.util
-import os
 from types import TracebackType
 from typing import Any
 
@@ -10,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
+from kine2go_warp.renders.artist import HELP
 from kine2go_warp.renders.camera import View
 from kine2go_warp.renders.scene import ROBOT_GROUP, Scene, shown_shapes
 
@@ -17,40 +16,17 @@ mujoco: Any = mujoco_package  # its module is compiled: type checkers do not kno
 
 Picture = NDArray[np.uint8]
 
-LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Ways to draw without a display, and the library that each needs."""
-
-HELP = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6 and set MUJOCO_GL=osmesa"
-
 MOST_SHAPES = 200
 FIELD_OF_VIEW = 40.0
 """Angle from the lower to the upper edge of a picture [deg]."""
 
 
-def drawing_library() -> str:
-    """Return how to draw without a display: ``egl`` or ``osmesa``. The environment variable MUJOCO_GL decides.
-
-    Raises:
-        RenderError: neither is there, or MUJOCO_GL names something else.
-    """
-    asked = os.environ.get("MUJOCO_GL", "").lower()
-    if asked and asked not in LIBRARIES:
-        raise RenderError(f"MUJOCO_GL is '{asked}', which needs a display or draws nothing; set it to egl or osmesa")
-    for name in [asked] if asked else LIBRARIES:
-        if ctypes.util.find_library(LIBRARIES[name]) is not None:
-            return name
-    missing = LIBRARIES[asked] if asked else " or ".join(LIBRARIES.values())
-    raise RenderError(f"no OpenGL library ({missing}) to draw with; {HELP}")
-
-
-def open_context(width: int, height: int) -> Any:
-    """Return an OpenGL context that needs no display.
+def open_context(library: str, width: int, height: int) -> Any:
+    """Return an OpenGL context that needs no display, by ``egl`` or ``osmesa``.
 
     Raises:
         RenderError: this machine has none.
     """
-    library = drawing_library()
-    # Not through mujoco.Renderer, whose library is fixed when mujoco is first imported, which may be long ago.
     try:
         if library == "egl":
             from mujoco.egl import GLContext
@@ -66,13 +42,14 @@ def open_context(width: int, height: int) -> Any:
 class Canvas:
     """Draws a scene. Use it as a context manager."""
 
-    def __init__(self, scene: Scene, width: int, height: int) -> None:
+    def __init__(self, scene: Scene, width: int, height: int, library: str) -> None:
         """Open a context.
 
         Args:
             scene: What is drawn.
             width: Of a picture [pixels].
             height: Of a picture [pixels].
+            library: ``egl`` or ``osmesa``.
 
         Raises:
             RenderError: this machine cannot draw.
@@ -83,7 +60,7 @@ class Canvas:
         self._viewport = mujoco.MjrRect(0, 0, width, height)
         self._shapes = mujoco.MjvScene(scene.model, MOST_SHAPES)
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
-        self._context = open_context(width, height)
+        self._context = open_context(library, width, height)
         try:
             self._buffers = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._buffers)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,11 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
+from kine2go_warp.renders.artist import Artist, Picture
 from kine2go_warp.renders.camera import FollowCamera
-from kine2go_warp.renders.canvas import Canvas, Picture
 from kine2go_warp.renders.captions import caption
-from kine2go_warp.renders.scene import Pose, Scene
+from kine2go_warp.renders.order import Order, Pose
 from kine2go_warp.renders.video import check_ending, possible_rate, write_video
-from kine2go_warp.robots import GO2, RobotSpec
 
 POSE_ARRAYS = ("root_position", "root_orientation", "joint_position")
 SHOWN_ARRAYS = (*POSE_ARRAYS, *(f"reference_{name}" for name in POSE_ARRAYS))
@@ -84,29 +83,9 @@ class Take:
         """Return the robot's pose, or the reference's with the prefix ``reference_``."""
         return Pose(*(self.rows[prefix + name][row] for name in POSE_ARRAYS))
 
-
-class Artist:
-    """Draws rows of takes. Use it as a context manager."""
-
-    def __init__(self, width: int, height: int, spec: RobotSpec = GO2) -> None:
-        """Open a canvas; sizes in pixels.
-
-        Raises:
-            RenderError: this machine cannot draw.
-        """
-        self._stack = ExitStack()
-        self._canvas = self._stack.enter_context(Canvas(Scene(spec), width, height))
-
-    def __enter__(self) -> "Artist":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def draw(self, take: Take, row: int, reference: bool = True) -> Picture:
-        """Return a picture of a row, shape [height, width, 3]."""
-        self._canvas.scene.place(take.pose(row), take.pose(row, "reference_"))
-        return self._canvas.draw(take.camera.view(row), reference, take.level)
+    def order(self, row: int, reference: bool = True) -> Order:
+        """Return the picture of a row."""
+        return Order(self.pose(row), self.pose(row, "reference_"), self.camera.view(row), reference, self.level)
 
 
 def read_takes(motion: Motion, indices: Sequence[int]) -> list[Take]:
@@ -192,7 +171,7 @@ def render_film(
             if advanced is not None:
                 advanced(number + 1, len(instants))
 
-    # Closed at once when something fails, since a canvas must not outlive the libraries that it draws with.
+    # Closed at once when something fails, so that the process that draws ends, too.
     with atomic_file(path) as temporary, closing(film_pictures(takes, instants, config)) as pictures:
         write_video(counted(pictures), temporary, fps)
     return FilmRecord(len(instants), fps)
@@ -251,7 +230,7 @@ def film_pictures(
             picture = np.full((config.height, config.width, 3), 235, np.uint8)
             for place, take in enumerate(takes):
                 row = take.row_at(float(instant))
-                tile = caption(artist.draw(take, row, config.reference), captions_of(take, row, float(instant)))
+                tile = caption(artist.draw(take.order(row, config.reference)), captions_of(take, row, float(instant)))
                 top, left = place // columns * height, place % columns * width
                 picture[top : top + height, left : left + width] = tile
             yield picture

@@ -1,12 +1,12 @@
 """What is drawn: the robot, its reference and a floor, as a MuJoCo model that is posed and never stepped."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco as mujoco_package
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.renders.order import Pose
 from kine2go_warp.robots import RobotSpec
 
 mujoco: Any = mujoco_package  # its module is compiled: type checkers do not know what is in it
@@ -22,18 +22,6 @@ TILE_SIZE = 0.5
 """Edge of a tile of the floor [m]."""
 
 _WITH_VISUALS = '<mujoco><compiler discardvisual="false" fusestatic="false"/></mujoco></robot>'
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where a robot is and how it holds its legs."""
-
-    root_position: NDArray
-    """Base link origin in the world [m], shape [3]."""
-    root_orientation: NDArray
-    """Base link in the world, (w, x, y, z), shape [4]."""
-    joint_position: NDArray
-    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
 
 
 class Scene:

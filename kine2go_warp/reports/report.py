@@ -11,7 +11,8 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.reader import MotionData, read_motion
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.renders.film import Artist, check_output
+from kine2go_warp.renders.artist import Artist
+from kine2go_warp.renders.film import check_output
 from kine2go_warp.reports import tables
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips

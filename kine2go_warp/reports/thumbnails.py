@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.renders.film import Artist, read_takes
+from kine2go_warp.renders.artist import Artist
+from kine2go_warp.renders.film import read_takes
 
 WIDTH, HEIGHT = 320, 240
 """Of a picture [pixels]."""
@@ -72,7 +73,7 @@ def strips(artist: Artist, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, 
     result = []
     for rank, take in zip(chosen, takes, strict=True):
         rows = [round(share * (len(take.time) - 1)) for share in SHARES]
-        shots = tuple(Shot(jpeg_address(artist.draw(take, row)), row, float(take.time[row])) for row in rows)
+        shots = tuple(Shot(jpeg_address(artist.draw(take.order(row))), row, float(take.time[row])) for row in rows)
         result.append(Strip(rank, take.index, float(joint_rmse[take.index]), shots))
     return tuple(result)
 

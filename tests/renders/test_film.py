@@ -1,5 +1,7 @@
 """Pictures show the recorded poses, and films read back as what they should be."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -10,9 +12,11 @@ import pytest
 from PIL import Image
 
 from kine2go_warp.errors import RenderError
-from kine2go_warp.renders import canvas
+from kine2go_warp.renders import artist as artist_module
+from kine2go_warp.renders.artist import Artist
 from kine2go_warp.renders.captions import caption
-from kine2go_warp.renders.film import Artist, RenderConfig, film_instants, film_pictures, is_level, render_film
+from kine2go_warp.renders.film import RenderConfig, film_instants, film_pictures, is_level, render_film
+from kine2go_warp.renders.order import Order
 from kine2go_warp.renders.video import possible_rate
 
 pytestmark = pytest.mark.usefixtures("can_draw")
@@ -46,32 +50,32 @@ def read_video(path):
 
 
 def test_a_picture_has_the_size_asked_for_and_shows_something(artist, takes):
-    picture = artist.draw(takes[0], 0)
+    picture = artist.draw(takes[0].order(0))
     assert picture.shape == (240, 320, 3)
     assert dark(picture).sum() > 300
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
 
 
 def test_other_rows_give_other_pictures_and_the_same_row_the_same(artist, takes):
-    first, again = artist.draw(takes[0], 10), artist.draw(takes[0], 10)
-    assert not np.array_equal(first, artist.draw(takes[0], 20))
+    first, again = artist.draw(takes[0].order(10)), artist.draw(takes[0].order(10))
+    assert not np.array_equal(first, artist.draw(takes[0].order(20)))
     np.testing.assert_array_equal(first, again)
     with Artist(*SIZE) as other:
-        np.testing.assert_array_equal(first, other.draw(takes[0], 10))
+        np.testing.assert_array_equal(first, other.draw(takes[0].order(10)))
 
 
 def test_the_robot_stays_in_the_middle_whether_it_goes_straight_turns_or_speeds_up(artist, takes):
     for take in takes:
         for row in (0, len(take.time) // 2, len(take.time) - 1):
-            y, x = np.nonzero(dark(artist.draw(take, row, reference=False)))
+            y, x = np.nonzero(dark(artist.draw(take.order(row, False))))
             assert abs(x.mean() / 320 - 0.5) < 0.12
             assert abs(y.mean() / 240 - 0.5) < 0.12
             assert min(x.min(), y.min(), 319 - x.max(), 239 - y.max()) > 0, "no part of it is cut off"
 
 
 def test_the_reference_is_green_and_can_be_left_out(artist, takes):
-    assert green(artist.draw(takes[0], 0)).sum() > 300
-    assert not green(artist.draw(takes[0], 0, reference=False)).any()
+    assert green(artist.draw(takes[0].order(0))).sum() > 300
+    assert not green(artist.draw(takes[0].order(0, False))).any()
 
 
 def test_the_reference_is_where_it_was_recorded(artist, takes):
@@ -81,12 +85,12 @@ def test_the_reference_is_where_it_was_recorded(artist, takes):
     for reference in (rows["root_position"], rows["reference_root_position"]):
         away = {"root_position": rows["root_position"] + np.float32([0.0, 0.0, 50.0])}
         alone = replace(takes[0], rows={**rows, **away, "reference_root_position": reference})
-        middles.append(np.nonzero(green(artist.draw(alone, 30)))[1].mean())
+        middles.append(np.nonzero(green(artist.draw(alone.order(30))))[1].mean())
     assert middles[0] - middles[1] == pytest.approx(18.0, abs=2.0)
 
 
 def test_ground_that_is_not_level_is_left_out(artist, takes):
-    level, other = artist.draw(takes[0], 0), artist.draw(replace(takes[0], level=False), 0)
+    level, other = artist.draw(takes[0].order(0)), artist.draw(replace(takes[0], level=False).order(0))
     assert not np.array_equal(other[-1], level[-1])
     assert dark(other).sum() > 300
     waves = {"training_settings": {"env": {"terrain": {"kind": "waves"}}}}
@@ -189,9 +193,40 @@ def test_an_interrupted_film_leaves_nothing(walks, tmp_path):
 
 def test_without_a_library_the_error_names_what_to_install(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(canvas.ctypes.util, "find_library", lambda _: None)
+    monkeypatch.setattr(artist_module.ctypes.util, "find_library", lambda _: None)
     with pytest.raises(RenderError, match=r"no OpenGL library .*libegl1"):
         Artist(*SIZE)
     monkeypatch.setenv("MUJOCO_GL", "glfw")
     with pytest.raises(RenderError, match="set it to egl or osmesa"):
         Artist(*SIZE)
+
+
+def test_a_driver_that_fails_ends_in_one_error(takes):
+    with Artist(*SIZE) as one:
+        one._process.kill()
+        with pytest.raises(RenderError, match="the process that draws has ended"):
+            one.draw(takes[0].order(0))
+    assert one._process.poll() is not None
+
+
+def test_orders_arrive_as_they_were_given(takes):
+    order = takes[1].order(7, False)
+    again = Order.from_bytes(order.to_bytes())
+    for name in ("robot", "reference"):
+        np.testing.assert_array_equal(getattr(again, name).numbers(), getattr(order, name).numbers())
+    np.testing.assert_array_equal(again.view.target, order.view.target)
+    assert (again.view.azimuth, again.view.distance) == (order.view.azimuth, order.view.distance)
+    assert (again.show_reference, again.show_floor) == (False, True)
+
+
+def test_drawing_leaves_torch_in_peace(tmp_path):
+    """Mesa's LLVM and Triton's in one process crash it."""
+    script = """
+import numpy as np
+from kine2go_warp.renders.artist import Artist
+with Artist(64, 64):
+    pass
+import torch, tensordict
+"""
+    result = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
