@@ -31,3 +31,7 @@ class SimulationError(Kine2GoError):
 
 class ExportError(Kine2GoError):
     """A dataset cannot be exported as asked."""
+
+
+class RenderError(Kine2GoError):
+    """A dataset cannot be rendered or reported as asked, or this machine cannot draw."""

@@ -14,6 +14,7 @@ from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.errors import RenderError
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
@@ -24,10 +25,12 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
+from kine2go_warp.renders.artist import Artist
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.quality import judge
+from tests.walks import write_walks
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -126,6 +129,21 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
 def dataset_copy(clean_dataset: Path, tmp_path: Path) -> Path:
     """A copy of that dataset, to spoil."""
     return Path(shutil.copytree(clean_dataset, tmp_path / "dataset.zarr"))
+
+
+@pytest.fixture(scope="session")
+def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset with the motions ``walk`` and ``stroll``, three trajectories each, whose every pose is known."""
+    return write_walks(tmp_path_factory.mktemp("walks") / "walks.zarr")
+
+
+@pytest.fixture(scope="session")
+def can_draw() -> None:
+    """Skip where no picture can be drawn."""
+    try:
+        Artist(64, 64).close()
+    except RenderError as error:
+        pytest.skip(str(error))
 
 
 @pytest.fixture

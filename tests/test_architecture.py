@@ -22,9 +22,24 @@ ALLOWED = {
     "exports": {"exports", "dataset"},
     "recordings": {"recordings", "dataset", "robots"},
     "scores": {"scores", "dataset", "robots"},
+    "renders": {"renders", "dataset", "robots"},
+    "reports": {"reports", "renders", "scores", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
     "bench": {"bench", "rollouts", "dataset", "learning", "env", "motions", "robots"},
-    "cli": {"cli", "bench", "pipelines", "scores", "exports", "rollouts", "dataset", "learning", "motions", "robots"},
+    "cli": {
+        "cli",
+        "bench",
+        "pipelines",
+        "reports",
+        "renders",
+        "scores",
+        "exports",
+        "rollouts",
+        "dataset",
+        "learning",
+        "motions",
+        "robots",
+    },
 }
 """Which parts each part of the package may import, besides the leaves."""
 

@@ -29,6 +29,9 @@ def test_the_wheel_holds_one_package_with_all_its_folders_and_data(wheel):
         "motions/data/dog_trot.txt",
         "pipelines/demo.toml",
         "cli/main.py",
+        "reports/page/page.html.j2",
+        "reports/page/page.css",
+        "reports/page/page.js",
     ):
         assert f"kine2go_warp/{name}" in names, name
 

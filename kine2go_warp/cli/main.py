@@ -13,7 +13,9 @@ from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
 from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
 from kine2go_warp.cli.quality_command import Quality
+from kine2go_warp.cli.render_command import Render
 from kine2go_warp.cli.replay_command import Replay
+from kine2go_warp.cli.report_command import Report
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
 
@@ -31,6 +33,8 @@ Command = (
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Export, tyro.conf.subcommand("export")]
+    | Annotated[Render, tyro.conf.subcommand("render")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 

@@ -1,0 +1,77 @@
+"""The command that makes films of trajectories."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from kine2go_warp.errors import RenderError
+
+Positional = tyro.conf.Positional
+
+
+@dataclass(frozen=True)
+class Render:
+    """Make a film of one trajectory, or of several side by side: what was recorded, without simulating it again."""
+
+    dataset: Positional[Path]
+    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    motion: Positional[str]
+    """One of its motions."""
+    trajectories: Positional[tuple[int, ...]] = ()
+    """Numbers of trajectories, counted from 0; by default the first."""
+    out: Path = field(kw_only=True)
+    """File to write, .mp4 or .gif."""
+    size: str = "640x480"
+    """Width and height of the whole picture in pixels."""
+    fps: float = 30.0
+    """Pictures a second; the film runs at the speed of the robot."""
+    start: float = 0.0
+    """Where the film begins, in seconds from the first row."""
+    end: float | None = None
+    """Where it ends; by default at the end of the longest trajectory."""
+    columns: int | None = None
+    """Trajectories side by side; by default the grid is as square as it can be."""
+    reference: bool = True
+    """Draw the reference as well, green and see-through."""
+    overwrite: bool = False
+    """Replace a file that is there already."""
+
+    def run(self) -> int:
+        """Draw with a progress bar and say what was written."""
+        from rich.progress import Progress
+
+        from kine2go_warp.cli.tables import console
+        from kine2go_warp.renders.film import RenderConfig, render_film
+
+        width, height = parsed_size(self.size)
+        config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
+        output = console()
+        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
+            task = progress.add_task("drawing", total=None)
+            record = render_film(
+                self.dataset,
+                self.motion,
+                self.trajectories or (0,),
+                self.out,
+                config,
+                lambda done, total: progress.update(task, completed=done, total=total),
+                self.overwrite,
+            )
+        print(
+            f"{self.out}: {record.pictures} pictures of {width}x{height}, {record.pictures / record.fps:.1f} s at "
+            f"{record.fps:g} a second, {self.out.stat().st_size / 1e6:.2f} MB"
+        )
+        return 0
+
+
+def parsed_size(text: str) -> tuple[int, int]:
+    """Return width and height of a size such as ``640x480`` [pixels].
+
+    Raises:
+        RenderError: the text is no size.
+    """
+    width, _, height = text.lower().partition("x")
+    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
+        raise RenderError(f"a size is width x height in pixels, such as 640x480, not '{text}'")
+    return int(width), int(height)

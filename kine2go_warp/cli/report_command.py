@@ -1,0 +1,49 @@
+"""The command that shows a dataset on one page."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+Positional = tyro.conf.Positional
+
+
+@dataclass(frozen=True)
+class Report:
+    """Show a dataset on one HTML page that needs no network: scores, plots, pictures, settings, licences."""
+
+    dataset: Positional[Path]
+    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    motions: Positional[tuple[str, ...]] = ()
+    """Names of its motions; by default all of them."""
+    out: Path | None = None
+    """File to write (.html); by default beside the dataset, named after it."""
+    pictures: bool = True
+    """Draw the best, median and worst trajectory of each motion."""
+    overwrite: bool = False
+    """Replace a file that is there already."""
+
+    def run(self) -> int:
+        """Write the page with a progress bar and say where it is."""
+        from rich.progress import Progress
+
+        from kine2go_warp.cli.tables import console
+        from kine2go_warp.reports.report import default_path, write_report
+
+        path = self.out or default_path(self.dataset)
+        output = console()
+        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
+            task = progress.add_task("reporting", total=None)
+
+            def advanced(done: int, total: int, motion: str) -> None:
+                progress.update(task, completed=done, total=total, description=f"reporting {motion}".rstrip())
+
+            parts = write_report(self.dataset, path, self.motions, self.pictures, self.overwrite, advanced)
+        trajectories = sum(part.trajectories for part in parts)
+        print(
+            f"{path}: {trajectories} trajectories of {len(parts)} motion(s), {path.stat().st_size / 1e6:.2f} MB; "
+            "open it in a browser"
+        )
+        for note in dict.fromkeys(part.note for part in parts if part.note):
+            print(note)
+        return 0

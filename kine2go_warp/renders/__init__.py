@@ -1,0 +1,1 @@
+"""Pictures and films of what a dataset holds: the recorded states, drawn without a display."""

@@ -1,0 +1,77 @@
+"""A camera that follows the robot smoothly: it knows the whole path and so lags behind nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DISTANCE = 1.5
+"""From the camera to what it looks at [m]."""
+ELEVATION = -16.0
+"""How the camera looks up; negative is down [deg]."""
+SIDE = 125.0
+"""Direction of view from that of the robot [deg]: from the front, on the robot's left."""
+SMOOTHING = 0.25
+"""Standard deviation of the window over which the robot's place is averaged [s]."""
+TURN_SMOOTHING = 1.0
+"""The same of its heading [s]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the camera looks."""
+
+    target: Array
+    """Middle of the picture [m], shape [3]."""
+    azimuth: float
+    """Direction of view in the plane, from the world's x axis [deg]."""
+    distance: float = DISTANCE
+    """[m]"""
+    elevation: float = ELEVATION
+    """[deg]"""
+
+
+@dataclass(frozen=True)
+class FollowCamera:
+    """The camera of one trajectory."""
+
+    targets: Array
+    """What it looks at for each row [m], shape [num_rows, 3]."""
+    azimuths: Array
+    """Where it looks for each row [deg], shape [num_rows]."""
+
+    @classmethod
+    def of(cls, root_position: NDArray, root_orientation: NDArray, rate: float) -> "FollowCamera":
+        """Follow a path.
+
+        Args:
+            root_position: [m], shape [num_rows, 3].
+            root_orientation: (w, x, y, z), shape [num_rows, 4].
+            rate: Rows a second [Hz].
+        """
+        w, x, y, z = np.asarray(root_orientation, np.float64).T
+        heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        targets = smoothed(np.asarray(root_position, np.float64), SMOOTHING * rate)
+        targets[:, 2] -= 0.06  # the middle of the robot is lower than its base
+        return cls(targets, np.rad2deg(smoothed(heading[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)
+
+    def view(self, row: int) -> View:
+        """Return the view of a row."""
+        return View(self.targets[row], float(self.azimuths[row]))
+
+
+def smoothed(values: Array, deviation: float) -> Array:
+    """Return values averaged over a Gaussian window, shape [num_rows, num_columns].
+
+    Beyond the ends they go on as they began, mirrored in the point where they end, so that a straight path at even
+    speed stays as it is.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    margin = int(np.ceil(4.0 * deviation))
+    if len(values) < 2 or margin < 1:
+        return values.copy()
+    extended = np.pad(values, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
+    return gaussian_filter1d(extended, deviation, axis=0, mode="nearest")[margin:-margin]

@@ -1,0 +1,197 @@
+"""Puts the page together from a dataset."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kine2go_warp import __version__
+from kine2go_warp.dataset import open_dataset
+from kine2go_warp.dataset.reader import MotionData, read_motion
+from kine2go_warp.errors import RenderError
+from kine2go_warp.files import atomic_file
+from kine2go_warp.renders.artist import Artist
+from kine2go_warp.renders.film import check_output
+from kine2go_warp.reports import tables
+from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
+from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
+from kine2go_warp.revision import revision
+from kine2go_warp.robots import GO2
+from kine2go_warp.scores.plots import curves_of
+from kine2go_warp.scores.report import MotionFigures, chosen_motions, measure, robot_note, score
+
+PAGE = Path(__file__).parent / "page"
+"""Template, style and script."""
+
+DATASET_FACTS = {
+    "format_version": "",
+    "software_version": "",
+    "software_revision": "",
+    "robot": "",
+    "robot_model_sha256": "",
+    "control_frequency": "Hz",
+    "physics_substeps": "",
+    "stiffness": "N m/rad",
+    "damping": "N m s/rad",
+    "action_scale": "rad",
+}
+"""Attributes of the store that are shown, with their units."""
+
+
+@dataclass(frozen=True)
+class MotionPart:
+    """What the page shows of one motion."""
+
+    name: str
+    rows: int
+    duration: float
+    """Of all trajectories together [s]."""
+    attributes: dict[str, Any]
+    figures: MotionFigures
+    coverage: str
+    """A drawing as SVG."""
+    phase: str
+    """A drawing as SVG."""
+    strips: tuple[Strip, ...]
+    note: str
+    """Why there are no pictures, if there are none."""
+
+    @property
+    def trajectories(self) -> int:
+        """How many it has."""
+        return self.figures.trajectories
+
+
+def default_path(dataset: Path) -> Path:
+    """Return where the page of a dataset goes: beside it."""
+    resolved = dataset.resolve()
+    return dataset.parent / f"{resolved.stem}_report.html"
+
+
+def write_report(
+    dataset: Path,
+    path: Path,
+    motions: Sequence[str] = (),
+    pictures: bool = True,
+    overwrite: bool = False,
+    advanced: Callable[[int, int, str], None] | None = None,
+) -> list[MotionPart]:
+    """Write a page that needs nothing but itself.
+
+    Args:
+        dataset: Folder of the dataset.
+        path: File to write.
+        motions: Names of motions; by default all.
+        pictures: Whether to draw thumbnails.
+        overwrite: Whether a file that is there may be replaced.
+        advanced: Called before each motion with the number of motions done, that of all, and the name.
+
+    Returns:
+        What the page shows.
+
+    Raises:
+        RenderError: the file cannot be written, or a motion holds nothing.
+        DatasetError: the dataset cannot be read.
+    """
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise RenderError(f"{path}: a report ends in .html, not '{path.suffix}'")
+    names = chosen_motions(dataset, motions)
+    check_output(path, overwrite)
+    parts = []
+    with ExitStack() as stack:
+        artist, note = open_artist(stack) if pictures else (None, "Pictures were not asked for.")
+        for number, name in enumerate(names):
+            if advanced is not None:
+                advanced(number, len(names), name)
+            parts.append(motion_part(dataset, name, f"m{number}", artist, note))
+    with atomic_file(path) as temporary:
+        temporary.write_text(page(dataset, parts), encoding="utf-8")
+    return parts
+
+
+def open_artist(stack: ExitStack) -> tuple[Artist | None, str]:
+    """Return what draws thumbnails, or why there is nothing that could."""
+    try:
+        return stack.enter_context(Artist(WIDTH, HEIGHT)), ""
+    except RenderError as error:
+        return None, f"No pictures: {error}."
+
+
+def motion_part(dataset: Path, name: str, key: str, artist: Artist | None, note: str) -> MotionPart:
+    """Compute and draw everything of one motion.
+
+    Raises:
+        RenderError: it holds nothing that could be shown, or poses that are not finite.
+        DatasetError: it cannot be read.
+    """
+    data = read_motion(dataset, name)
+    check_content(dataset, data)
+    figures, curves = measure(data, GO2), curves_of(data)
+    shown: tuple[Strip, ...] = ()
+    if artist is not None:
+        shown = strips(artist, open_dataset(dataset).motion(name), figures.figures["joint_rmse"])
+    duration = figures.rows * float(data.time[1] - data.time[0])
+    return MotionPart(
+        name, figures.rows, duration, data.attributes, figures, coverage_svg(curves, f"{key}c"),
+        phase_svg(curves, f"{key}p"), shown, note,
+    )  # fmt: skip
+
+
+def check_content(dataset: Path, data: MotionData) -> None:
+    """Check that every trajectory of a motion has a row, and that there is one.
+
+    Raises:
+        RenderError: there is nothing to show.
+    """
+    lengths = data.trajectories.draws["length"]
+    if len(data.time) < 2 or not len(lengths) or lengths.min() < 1:
+        raise RenderError(f"{dataset}/{data.name}: holds no trajectory, or an empty one; see 'kine2go check'")
+
+
+def page(dataset: Path, parts: Sequence[MotionPart]) -> str:
+    """Return the page as HTML; all texts of the dataset are escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    root = open_dataset(dataset)
+    scores = score([part.figures for part in parts])
+    attributes = {part.name: part.attributes for part in parts}
+    shared, different = tables.settings(attributes)
+    environment = Environment(
+        loader=FileSystemLoader(PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("page.html.j2").render(
+        name=dataset.resolve().name,
+        parts=parts,
+        scorecard=tables.scorecard(
+            scores.motions, {part.name: (part.trajectories, part.duration) for part in parts}, scores.overall
+        ),
+        figures={part.name: tables.all_figures(scores.motions[part.name]) for part in parts},
+        rejections=tables.rejections(attributes, {part.name: part.trajectories for part in parts}),
+        licences=tables.licences(attributes),
+        shared=shared,
+        different=different,
+        facts=tables.facts(root.attributes, DATASET_FACTS),
+        tiles=tiles(parts, scores.overall["acceptance"].value),
+        robot_note=robot_note(dataset, GO2),
+        note=next((part.note for part in parts if part.note), ""),
+        most_paths=MOST_PATHS,
+        made_by=f"kine2go_warp {__version__}" + (f", revision {revision()}" if revision() else ""),
+        number_text=tables.number_text,
+        style=(PAGE / "page.css").read_text(),
+        script=(PAGE / "page.js").read_text(),
+    )
+
+
+def tiles(parts: Sequence[MotionPart], acceptance: float) -> list[tuple[str, str]]:
+    """Return the few numbers at the top, as text and what they count."""
+    rows = sum(part.rows for part in parts)
+    trajectories = sum(part.trajectories for part in parts)
+    minutes = sum(part.duration for part in parts) / 60.0
+    return [
+        (f"{len(parts)}", "motion" if len(parts) == 1 else "motions"),
+        (f"{trajectories:,}", "trajectories"),
+        (f"{rows:,}", "rows"),
+        (f"{minutes:.1f}" if minutes < 600.0 else f"{minutes / 60.0:,.1f}", "minutes" if minutes < 600.0 else "hours"),
+        (f"{100.0 * acceptance:.3g} %", "accepted"),
+    ]

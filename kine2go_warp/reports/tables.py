@@ -1,0 +1,232 @@
+"""The tables of a page: what stands in each cell, and what it is sorted by."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from kine2go_warp.scores.registry import METRICS
+from kine2go_warp.scores.statistics import Estimate
+
+HEADLINES = {
+    "joint_rmse": "joint RMSE",
+    "root_error": "root error",
+    "foot_error": "foot error",
+    "joint_emd": "joint EMD",
+    "body_emd": "body EMD",
+    "foot_slip": "foot slip",
+    "power": "power",
+    "cost_of_transport": "cost of transport",
+    "acceptance": "accepted",
+}
+"""Figures of the scorecard, with their headings; all others are with each motion."""
+
+SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
+                   "coordinates"}  # fmt: skip
+"""Attributes of a motion that have a place of their own on the page."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of a table."""
+
+    text: str
+    value: float | str | None = None
+    """What it is sorted by; nothing where there is no value."""
+    name: str = ""
+    """Which figure it is."""
+    hint: str = ""
+    """Shown when pointed at."""
+    code: bool = False
+    """Whether it is a name of the software's, such as a motion's."""
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is set to the right."""
+        return isinstance(self.value, float)
+
+
+@dataclass(frozen=True)
+class Column:
+    """The heading of a column."""
+
+    text: str
+    unit: str = ""
+    hint: str = ""
+    number: bool = True
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose rows can be sorted."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    total: tuple[Cell, ...] = ()
+    """A last row that stays where it is."""
+
+
+def number(value: float, name: str = "", hint: str = "") -> Cell:
+    """Return a cell with a number of three significant digits."""
+    if math.isnan(value):
+        return Cell("-", None, name, hint)
+    return Cell(number_text(value), float(value), name, hint)
+
+
+def number_text(value: float) -> str:
+    """Return a number with three significant digits, whole ones in full."""
+    if math.isnan(value):
+        return "-"
+    if abs(value) >= 1000.0 or value == int(value):
+        return f"{value:,.0f}"
+    return f"{value:.3g}"
+
+
+def interval(estimate: Estimate) -> Cell:
+    """Return a cell with a 95 % interval, sorted by its lower end."""
+    return Cell(interval_text(estimate), None if math.isnan(estimate.low) else float(estimate.low))
+
+
+def interval_text(estimate: Estimate) -> str:
+    """Return a 95 % interval."""
+    if math.isnan(estimate.low):
+        return "-"
+    return f"{number_text(estimate.low)} to {number_text(estimate.high)}"
+
+
+def scorecard(
+    motions: Mapping[str, Mapping[str, Estimate]],
+    sizes: Mapping[str, tuple[int, float]],
+    overall: Mapping[str, Estimate],
+) -> Table:
+    """Return a line a motion with its chief figures.
+
+    Args:
+        motions: Estimates by motion and name.
+        sizes: Number of trajectories and their duration together [s], by motion.
+        overall: Estimates over all motions.
+    """
+    known = {metric.name: metric for metric in METRICS}
+    columns = [Column("motion", number=False), Column("trajectories"), Column("duration", "s")]
+    for name, heading in HEADLINES.items():
+        metric = known[name]
+        hint = f"{metric.description}; {metric.better} is better"
+        columns.append(Column(heading, "" if metric.unit == "1" else metric.unit, hint))
+
+    def line(label: Cell, size: tuple[int, float], estimates: Mapping[str, Estimate]) -> tuple[Cell, ...]:
+        figures = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
+        return (label, number(size[0], "trajectories"), number(size[1], "duration"), *figures)
+
+    rows = tuple(line(Cell(name, name, code=True), sizes[name], one) for name, one in motions.items())
+    together = (sum(size[0] for size in sizes.values()), sum(size[1] for size in sizes.values()))
+    total = line(Cell("all motions"), together, overall) if len(motions) > 1 else ()
+    return Table(tuple(columns), rows, total)
+
+
+def all_figures(estimates: Mapping[str, Estimate]) -> Table:
+    """Return every figure of one motion with its interval and meaning."""
+    columns = (Column("figure", number=False), Column("mean"), Column("95 % interval"), Column("unit", number=False),
+               Column("better", number=False), Column("meaning", number=False))  # fmt: skip
+    rows = tuple(
+        (
+            Cell(metric.name, metric.name, code=True),
+            number(estimates[metric.name].value, metric.name),
+            interval(estimates[metric.name]),
+            Cell(metric.unit),
+            Cell(metric.better),
+            Cell(metric.description),
+        )
+        for metric in METRICS
+    )
+    return Table(columns, rows)
+
+
+def rejections(attributes: Mapping[str, Mapping[str, Any]], stored: Mapping[str, int]) -> Table:
+    """Return how many rollouts of each motion were accepted and rejected, by reason.
+
+    Args:
+        attributes: Of the motions, by name.
+        stored: Trajectories of each motion, for those without the attribute ``accepted``.
+    """
+    counts = {name: dict(one.get("rejected") or {}) for name, one in attributes.items()}
+    reasons = sorted({reason for one in counts.values() for reason in one})
+    columns = ("rollouts", "accepted", "share accepted", *reasons)
+    rows = []
+    for name, one in attributes.items():
+        accepted = int(one.get("accepted", stored[name]))
+        total = accepted + sum(counts[name].values())
+        share = accepted / total if total else math.nan
+        figures = {"rollouts": total, "accepted": accepted, "share accepted": share}
+        figures |= {reason: counts[name].get(reason, 0) for reason in reasons}
+        rows.append((Cell(name, name, code=True), *(number(float(value), key) for key, value in figures.items())))
+    return Table((Column("motion", number=False), *map(Column, columns)), tuple(rows))
+
+
+def licences(attributes: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return source, licence and citation of each motion."""
+    columns = ("motion", "source", "file and frames", "licence", "citation")
+    rows = []
+    for name, one in attributes.items():
+        frames = f"{one.get('file', '')} {one.get('start', '')}-{one.get('end', '')}".strip(" -")
+        texts = (str(one.get(key, "unknown")) for key in ("source", "licence", "citation"))
+        source, licence, citation = texts
+        row = (source, frames or "unknown", licence, citation)
+        rows.append((Cell(name, name, code=True), *(Cell(text, text) for text in row)))
+    return Table(tuple(Column(text, number=False) for text in columns), tuple(rows))
+
+
+def settings(attributes: Mapping[str, Mapping[str, Any]]) -> tuple[Table, Table]:
+    """Return the settings that all motions share, and those that differ with a column a motion."""
+    flat = {name: flattened(one) for name, one in attributes.items()}
+    keys = sorted({key for one in flat.values() for key in one})
+    shared, different = [], []
+    for key in keys:
+        texts = [as_text(one.get(key, "-")) for one in flat.values()]
+        if len(set(texts)) == 1:
+            shared.append((Cell(key, key, code=True), setting(texts[0])))
+        else:
+            different.append((Cell(key, key, code=True), *map(setting, texts)))
+    name, value = Column("setting", number=False), Column("value", number=False)
+    columns = (name, *(Column(motion, number=False) for motion in attributes))
+    return Table((name, value), tuple(shared)), Table(columns, tuple(different))
+
+
+def setting(text: str) -> Cell:
+    """Return a cell with a setting; of a long hash it shows the beginning, and all of it when pointed at."""
+    short = shortened(text)
+    return Cell(short, hint="" if short == text else text)
+
+
+def shortened(text: str) -> str:
+    """Return the beginning of a hash of 40 digits or more, other texts as they are."""
+    return re.sub(r"\b([0-9a-f]{12})[0-9a-f]{28,}", r"\1...", text)
+
+
+def flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested settings as one level, with names such as ``training_settings.env.seed``."""
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        if not prefix and name in SHOWN_ELSEWHERE:
+            continue
+        if isinstance(value, Mapping) and value:
+            result |= flattened(value, f"{prefix}{name}.")
+        else:
+            result[prefix + name] = value
+    return result
+
+
+def as_text(value: Any) -> str:
+    """Return a setting as people write it."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(as_text, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def facts(attributes: Mapping[str, Any], units: Mapping[str, str]) -> list[tuple[str, Cell]]:
+    """Return some attributes that are there, by what they are; ``units`` gives their names and units."""
+    return [
+        (name.replace("_", " "), setting(f"{as_text(attributes[name])} {unit}".strip()))
+        for name, unit in units.items()
+        if name in attributes
+    ]

@@ -1,0 +1,108 @@
+"""The page in a real browser: no complaint, tables that sort by mouse and keyboard, light and dark."""
+
+import io
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytestmark = pytest.mark.slow
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    program = next((found for name in NAMES if (found := shutil.which(name))), None)
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(NAMES)} is on the PATH")
+    api = pytest.importorskip("playwright.sync_api")
+    with api.sync_playwright() as playwright:
+        one = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield one
+        one.close()
+
+
+@pytest.fixture
+def opened(browser, report):
+    """Opens the report, and fails if the browser has anything to say about it or asks for anything."""
+    said, pages = [], []
+
+    def open_page(scheme="light", width=1280):
+        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: said.append(request.url) if request.url.startswith("http") else None)
+        page.goto(report.as_uri())
+        pages.append(page)
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert said == []
+
+
+def shown_motions(page):
+    return page.locator("#scorecard tbody th").all_inner_texts()
+
+
+def test_a_heading_sorts_upwards_then_downwards(opened):
+    page = opened()
+    heading = page.locator("#scorecard th", has_text="trajectories")
+    motion = page.locator("#scorecard thead th").first
+    assert shown_motions(page) == ["stroll", "walk"]
+    motion.get_by_role("button").click()
+    assert shown_motions(page) == ["stroll", "walk"]
+    assert motion.get_attribute("aria-sort") == "ascending"
+    motion.get_by_role("button").click()
+    assert shown_motions(page) == ["walk", "stroll"]
+    assert motion.get_attribute("aria-sort") == "descending"
+    heading.get_by_role("button").click()
+    assert motion.get_attribute("aria-sort") is None
+
+
+def test_numbers_are_sorted_as_numbers(opened):
+    page = opened()
+    column = page.locator("#scorecard thead th").all_inner_texts().index("duration s".replace(" ", "\n"))
+    page.locator("#scorecard thead th").nth(column).get_by_role("button").click()
+    values = page.locator(f"#scorecard tbody td:nth-child({column + 1})").all_inner_texts()
+    assert [float(value) for value in values] == sorted(float(value) for value in values)
+    assert shown_motions(page)[0] == "stroll"
+
+
+def test_tables_sort_from_the_keyboard(opened):
+    page = opened()
+    for _ in range(20):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.tagName") == "BUTTON":
+            break
+    page.keyboard.press("Enter")
+    page.keyboard.press("Space")
+    assert shown_motions(page) == ["walk", "stroll"]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_all_pictures_load(opened):
+    page = opened()
+    widths = page.evaluate("[...document.images].map(image => image.complete && image.naturalWidth)")
+    assert widths == [320] * 18
+
+
+@pytest.mark.parametrize("width", [360, 390, 768, 1280, 2200])
+def test_the_page_is_as_wide_as_the_screen(opened, width):
+    page = opened(width=width)
+    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+@pytest.mark.parametrize(("scheme", "background"), [("light", 246), ("dark", 18)])
+def test_text_and_plots_stand_out_from_the_background(opened, scheme, background):
+    page = opened(scheme)
+    for place in ("h1", "#scorecard tbody", ".plots figure:first-child svg", ".plots figure:last-child svg"):
+        picture = np.asarray(Image.open(io.BytesIO(page.locator(place).first.screenshot())).convert("L")).astype(int)
+        contrast = np.abs(picture - np.median(picture))
+        assert (contrast > 60).mean() > 0.005, place
+    corner = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))[0, 0, 0]
+    assert corner == background
