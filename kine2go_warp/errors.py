@@ -31,3 +31,7 @@ class SimulationError(Kine2GoError):
 
 class ExportError(Kine2GoError):
     """A dataset cannot be exported as asked."""
+
+
+class RecordingError(Kine2GoError):
+    """A recording cannot be made or shown as asked."""
