@@ -20,11 +20,23 @@ ALLOWED = {
     "dataset": {"dataset", "robots"},
     "rollouts": {"rollouts", "scores", "dataset", "learning", "env", "kernels", "motions", "robots"},
     "exports": {"exports", "dataset"},
-    "recordings": {"recordings", "dataset", "robots"},
+    "recordings": {"recordings", "dataset", "motions", "robots"},
     "scores": {"scores", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
     "bench": {"bench", "rollouts", "dataset", "learning", "env", "motions", "robots"},
-    "cli": {"cli", "bench", "pipelines", "scores", "exports", "rollouts", "dataset", "learning", "motions", "robots"},
+    "cli": {
+        "cli",
+        "bench",
+        "pipelines",
+        "recordings",
+        "scores",
+        "exports",
+        "rollouts",
+        "dataset",
+        "learning",
+        "motions",
+        "robots",
+    },
 }
 """Which parts each part of the package may import, besides the leaves."""
 

@@ -12,6 +12,7 @@ from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
 from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
+from kine2go_warp.cli.review_command import Review
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
 
@@ -23,6 +24,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Review, tyro.conf.subcommand("review")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]

@@ -64,7 +64,9 @@ class Doubt:
     @property
     def worst(self) -> str:
         """The figure that is closest to its limit, an empty text if no limit is known."""
-        known = [(share, limit.label) for share, limit in zip(self.shares, LIMITS, strict=True) if not math.isnan(share)]
+        known = [
+            (share, limit.label) for share, limit in zip(self.shares, LIMITS, strict=True) if not math.isnan(share)
+        ]
         return max(known, default=(0.0, ""))[1]
 
 

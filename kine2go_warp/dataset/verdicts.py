@@ -158,7 +158,9 @@ def standing_verdicts(motion: Motion, verdicts: Sequence[Verdict] | None = None)
     return dict(sorted(found.items()))
 
 
-def _matching(motion: Motion, references: Sequence[TrajectoryReference], last: dict[str, Verdict]) -> dict[int, Verdict]:
+def _matching(
+    motion: Motion, references: Sequence[TrajectoryReference], last: dict[str, Verdict]
+) -> dict[int, Verdict]:
     """Return which of some trajectories have a verdict on their content."""
     contents = ((one.index, content_of(one)) for one in motion.read(references, None))
     return {index: last[content] for index, content in contents if content in last}

@@ -13,7 +13,7 @@ from kine2go_warp.recordings.stream import TIMELINE
 from kine2go_warp.recordings.trajectory import entity_of
 from kine2go_warp.robots import RobotSpec
 
-EYE = (-0.4, -1.5, 0.6)
+EYE = (-0.35, -1.75, 0.85)
 """Where the eye is, seen from the robot that it follows when that begins to move [m]."""
 
 FAR_EYE = (5.0, -7.0, 6.0)

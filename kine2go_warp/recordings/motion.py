@@ -1,13 +1,12 @@
 """The recording of a motion: its trajectories, the most doubtful ones first, on one timeline."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import rerun as rr
 
 from kine2go_warp.dataset.doubt import Doubt, doubt_of, filter_limits
-from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
+from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.dataset.verdicts import Verdict, standing_verdicts
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.recordings.layout import motion_layout
@@ -29,7 +28,7 @@ class Style:
     """Drawn instead of primitive shapes."""
 
 
-def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: RobotSpec = GO2) -> int:  # noqa: B008
+def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: RobotSpec = GO2) -> int:
     """Write a recording of a motion and return how many trajectories it shows.
 
     Raises:
@@ -53,7 +52,7 @@ def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: Robo
 def most_doubtful(motion: Motion, count: int | None) -> list[tuple[Trajectory, Doubt]]:
     """Return trajectories of a motion in memory, the most doubtful ones first."""
     limits = filter_limits(motion.attributes)
-    references: Sequence[TrajectoryReference] = [one for one in motion.references() if one.length > 0]
+    references = [one for one in motion.references() if one.length > 0]
     known = [(one, doubt_of(one, limits)) for one in motion.read(references, None)]
     known.sort(key=lambda pair: -pair[1].value)
     return known[:count]

@@ -87,8 +87,10 @@ class RobotDrawer:
         motors = self.motors
         upright = multiplied(poses.hip, about(0, np.full(poses.hip.shape[:2], np.pi / 2)))
         centres = poses.joint_centres(0) + rotated(poses.hip, motors.centres)
-        sizes = {"lengths": [motors.length] * 4, "radii": [motors.radius] * 4}
-        columns.fix("motors", rr.Cylinders3D.from_fields(**sizes, colors=[DARK] * 4, fill_mode="solid"))
+        lengths, radii = [motors.length] * 4, [motors.radius] * 4
+        columns.fix(
+            "motors", rr.Cylinders3D.from_fields(lengths=lengths, radii=radii, colors=[DARK] * 4, fill_mode="solid")
+        )
         moved = rr.Cylinders3D.columns(centers=flat(centres), quaternions=flat(upright))
         columns.send("motors", moved, 4)
 

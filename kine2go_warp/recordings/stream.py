@@ -16,6 +16,9 @@ TIMELINE = "time"
 Colour = tuple[int, ...]
 """Red, green, blue and, if it is not 255, opacity."""
 
+THIN, THICK = -0.8, -1.5
+"""Radii of lines; negative ones are points of the screen rather than metres, so that lines look alike from afar."""
+
 LEG_COLOURS: dict[str, Colour] = {
     "FL": (239, 108, 98),
     "FR": (98, 160, 234),
@@ -34,7 +37,8 @@ def recording_file(name: str, content: str, path: Path) -> Iterator[rr.Recording
         path: The file.
     """
     rr.set_strict_mode(True)
-    recording = rr.RecordingStream("kine2go", recording_id=f"{name}-{content}")
+    # Viewers keep one layout for each application, so each motion is one of its own.
+    recording = rr.RecordingStream(f"kine2go {name}", recording_id=f"{name}-{content}")
     # Through memory, since the library's own file writer only logs an error when the disk is full.
     memory = recording.memory_recording()
     with recording:

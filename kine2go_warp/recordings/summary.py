@@ -45,7 +45,7 @@ def grouped(motion: Motion) -> dict[str, list[str]]:
 def label(motion: Motion, name: str) -> str:
     """Return the name of an array with its unit."""
     unit = motion.trajectory_arrays[name].unit
-    return name.split("/")[-1].replace("_", " ") + (f" [{unit}]" if unit not in ("1", "") else "")
+    return name.rpartition("/")[2].replace("_", " ") + (f" [{unit}]" if unit not in ("1", "") else "")
 
 
 def shown(value: Any) -> str:

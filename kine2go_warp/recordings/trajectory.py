@@ -11,7 +11,7 @@ from kine2go_warp.dataset.doubt import LIMITS, Doubt, row_errors
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.recordings.robot import RobotDrawer, flat
 from kine2go_warp.recordings.shapes import Poses, reference_poses, robot_poses, skeletons
-from kine2go_warp.recordings.stream import LEG_COLOURS, Colour, Columns
+from kine2go_warp.recordings.stream import LEG_COLOURS, THICK, THIN, Colour, Columns
 from kine2go_warp.recordings.summary import trajectory_text
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
@@ -91,7 +91,7 @@ def log_targets(columns: Columns, reference: Poses, steps: tuple[int, ...]) -> N
     exists = rows + ahead < num_rows
     strips = lines[(rows + ahead)[exists]].reshape(-1, *lines.shape[2:])
     shades = [list(TARGET_COLOURS[min(place, 3)]) for place in range(len(steps)) for _ in range(2)]
-    columns.fix("targets", rr.LineStrips3D.from_fields(colors=shades, radii=[rr.Radius.ui_points(1.5)]))
+    columns.fix("targets", rr.LineStrips3D.from_fields(colors=shades, radii=[THICK]))
     columns.send("targets", rr.LineStrips3D.columns(strips=strips), 2 * exists.sum(axis=1))
 
 
@@ -107,7 +107,7 @@ def log_paths(columns: Columns, rows: Mapping[str, NDArray]) -> None:
     """Log the ways of root and reference as a whole."""
     for name, colour in (("root", (225, 228, 235)), ("reference_root", (120, 150, 200))):
         strip = rows[f"{name}_position"][::2]
-        columns.fix(f"paths/{name}", rr.LineStrips3D([strip], colors=[colour], radii=rr.Radius.ui_points(0.8)))
+        columns.fix(f"paths/{name}", rr.LineStrips3D([strip], colors=[colour], radii=THIN))
 
 
 def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], doubt: Doubt, spec: RobotSpec) -> None:
