@@ -15,7 +15,7 @@ def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str)
     lines = [
         f"### {motion.name}/{one.index}",
         f"{one.length} rows, {motion.time[one.length - 1]:.1f} s. {doubt_text(doubt)}",
-        *([f"**Verdict:** {verdict}"] if verdict else []),
+        *(["", f"**{verdict}**"] if verdict else []),
         "",
         "| filter | figure | limit | share |",
         "|---|--:|--:|--:|",

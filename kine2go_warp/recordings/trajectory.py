@@ -116,9 +116,10 @@ def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], do
     for number, leg in enumerate(spec.legs):
         part = slice(3 * number, 3 * number + 3)
         colours = list(LEG_COLOURS.values())[:3]
-        names = [*LEG_JOINTS, *(f"{joint} reference" for joint in LEG_JOINTS)]
-        values = np.concatenate([rows["joint_position"][:, part], reference[:, part]], axis=1)
-        columns.curves(f"plots/joints/{leg.name}", values, names, [*colours, *map(dimmed, colours)])
+        # The reference comes first, so that the robot's curves are drawn over it.
+        names = [*(f"{joint} reference" for joint in LEG_JOINTS), *LEG_JOINTS]
+        values = np.concatenate([reference[:, part], rows["joint_position"][:, part]], axis=1)
+        columns.curves(f"plots/joints/{leg.name}", values, names, [*map(dimmed, colours), *colours])
     log_errors(columns, rows, doubt)
     terms = motion.labels("term")
     colours = [TERM_COLOURS[number % len(TERM_COLOURS)] for number in range(len(terms))]

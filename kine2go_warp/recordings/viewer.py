@@ -1,6 +1,7 @@
 """Opening recordings in the Rerun viewer."""
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -79,11 +80,15 @@ class WebViewer:
         return viewer
 
     def wait(self) -> None:
-        """Serve until interrupted."""
+        """Serve until interrupted or told to end; the server does not outlive this process."""
+        before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
         try:
             self.process.wait()
         except KeyboardInterrupt:
+            pass
+        finally:
             self.stop()
+            signal.signal(signal.SIGTERM, before)
 
     def stop(self) -> None:
         """Stop serving."""
