@@ -52,10 +52,11 @@ class Score:
         names = chosen_motions(self.dataset, self.motions)
         self._check_outputs()
         output = console()
-        measured, curves, left_out = [], [], 0
+        measured, curves, left_out, total = [], [], 0, 0
         for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
             data, rejected = read_used(self.dataset, name)
             left_out += rejected
+            total += rejected + data.trajectories.num_trajectories
             if data.trajectories.num_trajectories == 0:
                 continue
             measured.append(measure(data, GO2))
@@ -71,8 +72,8 @@ class Score:
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
         if left_out:
-            output.print(f"{self.dataset}: left out {left_out} trajectories that were rejected in a review",
-                         highlight=False, soft_wrap=True)  # fmt: skip
+            note = f"left out {left_out} of {total} trajectories, which were rejected in a review"
+            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
         if note := robot_note(self.dataset, GO2):
             output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
         return 0
