@@ -153,8 +153,8 @@ def answer(steps: Steps) -> bool:
 
 def read_key(prompt: str) -> str:
     """Return the next key, an empty text at the end of the input. Without a terminal a line is a key."""
-    print(prompt, end="", flush=True)
     if not sys.stdin.isatty():
+        print(prompt, end="", flush=True)
         line = sys.stdin.readline()
         return line.strip()[:1].lower() or ("" if not line else "?")
     import termios
@@ -163,7 +163,9 @@ def read_key(prompt: str) -> str:
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     try:
-        tty.setcbreak(terminal)
+        # Before the prompt, and without a flush, so that no key is lost however early it is pressed.
+        tty.setcbreak(terminal, termios.TCSADRAIN)
+        print(prompt, end="", flush=True)
         key = sys.stdin.read(1).lower()
     finally:
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)
