@@ -102,7 +102,8 @@ class Review:
 
     def _folder(self) -> Path:
         """Return where the recordings lie."""
-        return self.out or self.target.absolute().parent / "recordings"
+        whole = self.target if self.target.name else self.target.absolute()
+        return self.out or whole.parent / "recordings"
 
     def _record_motions(self) -> list[Path]:
         """Write the recordings that are missing or show something else, and return all."""
@@ -174,7 +175,7 @@ class Review:
         for verdict in (ACCEPTED, REJECTED):
             count = sum(one.verdict == verdict for one in verdicts)
             if count:
-                print(f"{self.target}: {count} trajectories {verdict}")
+                print(f"{self.target}: {count} {'trajectory' if count == 1 else 'trajectories'} {verdict}")
         return 0
 
     def _named(self, name: str) -> "list[Trajectory]":
