@@ -11,8 +11,13 @@ from kine2go_warp.files import sha256_of
 from kine2go_warp.recordings.shapes import Poses, about, multiplied
 from kine2go_warp.recordings.stream import Columns
 
-SUFFIXES = (".glb", ".obj", ".stl", ".dae")
-"""Kinds of files that the viewer reads, the first one found counts."""
+SUFFIXES = {
+    ".glb": "model/gltf-binary",
+    ".obj": "model/obj",
+    ".stl": "model/stl",
+    ".dae": "model/vnd.collada+xml",
+}
+"""Kinds of files that the viewer reads and what it calls them; the first one found counts."""
 
 NAMES = {"trunk": ("trunk", "base"), "hip": ("hip",), "thigh": ("thigh",), "calf": ("calf",)}
 """Links, and the names that their files may have."""
@@ -60,8 +65,8 @@ class Meshes:
 
     def draw(self, columns: Columns, poses: Poses) -> None:
         """Draw the links of a robot. The trunk is fixed to the entity ``base``."""
-        columns.fix("base/trunk", rr.Asset3D(path=self.files["trunk"]))
-        columns.fix("hips", rr.Asset3D(path=self.files["hip"]))
+        columns.fix("base/trunk", asset(self.files["trunk"]))
+        columns.fix("hips", asset(self.files["hip"]))
         # The one mesh of a hip is that of the front left leg, turned by half a turn for the others.
         half = np.array([0.0, np.pi, 0.0, np.pi]), np.array([0.0, 0.0, np.pi, np.pi])
         hips = multiplied(poses.hip, multiplied(about(0, half[0]), about(1, half[1])))
@@ -70,7 +75,7 @@ class Meshes:
             for side, legs in (("left", LEFT), ("right", RIGHT)):
                 mirrored = self.files.get(f"{link}_mirror", self.files[link])
                 entity = f"{link}_{side}"
-                columns.fix(entity, rr.Asset3D(path=self.files[link] if side == "left" else mirrored))
+                columns.fix(entity, asset(self.files[link] if side == "left" else mirrored))
                 self._place(columns, entity, poses.joint_centres(joint)[:, legs], turns[:, legs])
 
     def _place(self, columns: Columns, entity: str, centres: np.ndarray, turns: np.ndarray) -> None:
@@ -79,6 +84,11 @@ class Meshes:
         quaternions = turns.reshape(-1, 4).astype(np.float32)
         moved = rr.InstancePoses3D.columns(translations=places, quaternions=quaternions)
         columns.send(entity, moved, centres.shape[1])
+
+
+def asset(file: Path) -> rr.Asset3D:
+    """Return a mesh for the viewer, which does not recognise every kind by itself."""
+    return rr.Asset3D(path=file, media_type=SUFFIXES[file.suffix.lower()])
 
 
 def first_file(folder: Path, names: tuple[str, ...]) -> Path | None:

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from kine2go_warp.errors import RecordingError
-from kine2go_warp.recordings.meshes import Meshes
+from kine2go_warp.recordings.meshes import Meshes, asset
 from kine2go_warp.recordings.motion import Style, record_motion
 from tests.recordings.conftest import Recorded
 
+COLLADA = "model/vnd.collada+xml"
 TRIANGLE = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n"
 
 
@@ -52,4 +53,10 @@ def test_meshes_are_instances_at_the_joints(motion, folder, tmp_path):
     right = bytes(recorded.fixed(f"{entity}/thigh_right", "Asset3D:blob")[0])
     assert right.endswith(b"# thigh_mirror.obj\n")
     assert bytes(recorded.fixed(f"{entity}/calf_right", "Asset3D:blob")[0]).endswith(b"# calf.OBJ\n")
+    assert recorded.fixed(f"{entity}/calf_right", "Asset3D:media_type") == ["model/obj"]
     assert f"{entity}/legs" not in recorded.entities
+
+
+def test_the_viewer_is_told_what_kind_a_mesh_is(tmp_path):
+    (tmp_path / "calf.dae").write_text("<COLLADA/>")
+    assert asset(tmp_path / "calf.dae").media_type.as_arrow_array().to_pylist() == [COLLADA]
