@@ -35,3 +35,7 @@ class ExportError(Kine2GoError):
 
 class RenderError(Kine2GoError):
     """A dataset cannot be rendered or reported as asked, or this machine cannot draw."""
+
+
+class RecordingError(Kine2GoError):
+    """A recording cannot be made or shown as asked."""

@@ -127,7 +127,7 @@ class RecipeRunner:
             self.device,
             on_progress=self.observer.advanced,
         )
-        self._record(entry.name, result)
+        self._record(entry.name)
         return result
 
     def _retarget(self, entry: CatalogueEntry) -> MotionClip:
@@ -146,21 +146,14 @@ class RecipeRunner:
             clip.save(path)
         return clip
 
-    def _record(self, motion: str, result: GatherResult) -> None:
-        """Write the recording of a motion, unless it shows the same rollouts already.
+    def _record(self, motion: str) -> None:
+        """Write the recording of a motion, unless it shows the same rollouts already."""
+        from kine2go_warp.dataset.motion import Motion
+        from kine2go_warp.recordings.motion import Style
+        from kine2go_warp.recordings.shelf import Shelf
 
-        What it shows is noted beside it, after it is written.
-        """
-        from kine2go_warp.dataset.reader import read_motion
-        from kine2go_warp.recordings.motion import record_motion
-
-        path = self.workspace.recording(motion)
-        note = path.with_suffix(".json")
-        shown = json.dumps({"rollouts": result.fingerprint, "trajectories": self.recipe.record.trajectories})
-        is_same = path.is_file() and note.is_file() and note.read_text() == shown
-        if self.recipe.record.trajectories == 0 or is_same:
+        if self.recipe.record.trajectories == 0:
             return
-        self.observer.stage(motion, "record")
-        record_motion(read_motion(self.workspace.dataset, motion), path, self.recipe.record.trajectories)
-        with atomic_file(note) as temporary:
-            temporary.write_text(shown)
+        folder = self.workspace.recording(motion).parent
+        shelf = Shelf(folder, Style(self.recipe.record.trajectories), overwrite=True)
+        shelf.put(Motion(self.workspace.dataset, motion), lambda: self.observer.stage(motion, "record"))

@@ -16,6 +16,7 @@ from kine2go_warp.cli.quality_command import Quality
 from kine2go_warp.cli.render_command import Render
 from kine2go_warp.cli.replay_command import Replay
 from kine2go_warp.cli.report_command import Report
+from kine2go_warp.cli.review_command import Review
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.errors import Kine2GoError
 
@@ -29,6 +30,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Review, tyro.conf.subcommand("review")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]

@@ -44,7 +44,7 @@ class Score:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.reader import read_motion
+        from kine2go_warp.dataset.used import read_used
         from kine2go_warp.robots import GO2
         from kine2go_warp.scores.plots import curves_of, draw
         from kine2go_warp.scores.report import chosen_motions, measure, robot_note, score, write_json
@@ -52,12 +52,18 @@ class Score:
         names = chosen_motions(self.dataset, self.motions)
         self._check_outputs()
         output = console()
-        measured, curves = [], []
+        measured, curves, left_out, total = [], [], 0, 0
         for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
-            data = read_motion(self.dataset, name)
+            data, rejected = read_used(self.dataset, name)
+            left_out += rejected
+            total += rejected + data.trajectories.num_trajectories
+            if data.trajectories.num_trajectories == 0:
+                continue
             measured.append(measure(data, GO2))
             if self.plots is not None:
                 curves.append(curves_of(data))
+        if not measured:
+            raise DatasetError(f"{self.dataset}: all trajectories were rejected in a review; nothing is left to score")
         scores = score(measured)
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)
@@ -65,6 +71,9 @@ class Score:
             for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
+        if left_out:
+            note = f"left out {left_out} of {total} trajectories, which were rejected in a review"
+            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
         if note := robot_note(self.dataset, GO2):
             output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
         return 0

@@ -4,15 +4,31 @@ import hashlib
 from collections.abc import Iterable
 
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
+from kine2go_warp.dataset.verdicts import REJECTED, standing_verdicts
 
 
 def used_trajectories(motion: Motion) -> list[TrajectoryReference]:
     """Return the trajectories of a motion that loaders and exports may use.
 
-    Every loader and every export asks here, so this is the one place that decides: all stored trajectories with at
-    least one valid row. Rollouts that were rejected lie in a sub-group of their own and are never among them.
+    Every loader, export and score asks here, so this is the one place that decides: all stored trajectories with at
+    least one valid row that nobody rejected in a review. Rollouts that gathering rejected lie in a sub-group of their
+    own and are never among them.
+
+    Raises:
+        DatasetError: the file of verdicts cannot be read.
     """
-    return [reference for reference in motion.references() if reference.length > 0]
+    left_out = rejected_trajectories(motion)
+    return [one for one in motion.references() if one.length > 0 and one.index not in left_out]
+
+
+def rejected_trajectories(motion: Motion) -> frozenset[int]:
+    """Return which stored trajectories of a motion were rejected in a review.
+
+    Raises:
+        DatasetError: the file of verdicts cannot be read.
+    """
+    standing = standing_verdicts(motion)
+    return frozenset(index for index, verdict in standing.items() if verdict.verdict == REJECTED)
 
 
 def validation_indices(motion: str, num_trajectories: int, fraction: float, seed: int) -> frozenset[int]:

@@ -1,3 +1,6 @@
+"""The recording of a motion, read back."""
+
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -5,62 +8,147 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kine2go_warp.dataset.reader import MotionData
-from kine2go_warp.dataset.schema import ROW_ARRAYS
-from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.recordings.motion import PAUSE, joined_track, record_motion
-from tests.dataset.test_store import made_up
+from kine2go_warp.recordings.motion import Style, most_doubtful, record_motion
+from kine2go_warp.recordings.trajectory import CONTACT_FORCE, FORCE_SCALE, STEPS_AHEAD, entity_of, steps_ahead
+from kine2go_warp.robots import GO2
+from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.robots.spec import LEG_JOINTS
+from tests.recordings.conftest import Recorded
 
 RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
 @pytest.fixture
-def data(rng):
-    return MotionData("made_up", {}, np.arange(20) / 60.0, made_up(rng).padded())
+def path(motion, tmp_path):
+    record_motion(motion, tmp_path / "recordings" / "made_up.rrd")
+    return tmp_path / "recordings" / "made_up.rrd"
 
 
-@pytest.fixture
-def recording(data, tmp_path):
-    record_motion(data, tmp_path / "made_up.rrd")
-    return tmp_path / "made_up.rrd"
-
-
-def test_the_recording_is_whole(recording):
-    result = subprocess.run([RERUN, "rrd", "verify", str(recording)], capture_output=True, text=True, check=False)
+def test_the_recording_is_whole(path):
+    result = subprocess.run([RERUN, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
-    assert [path.name for path in recording.parent.iterdir()] == ["made_up.rrd"]
+    assert [file.name for file in path.parent.iterdir()] == ["made_up.rrd"]
 
 
-def test_the_recording_holds_robot_reference_contacts_plots_and_blueprint(recording):
-    listing = subprocess.run([RERUN, "rrd", "print", str(recording)], capture_output=True, text=True, check=True).stdout
-    for entity in (
-        "/robot/go2/visual_geometries/base/base_box_visual",
-        "/reference/go2/visual_geometries/FL_foot/FL_foot_sphere_visual",
-        "/transforms/robot/root",
-        "/transforms/reference/RR_calf_joint",
-        "/contacts/FL",
-        "/plots/errors/root_m",
-        "/plots/joints/RL_thigh_reference",
-        "/EyeControls3D",
-    ):
-        assert entity in listing, entity
+def test_root_and_joints_are_those_of_the_dataset_bit_for_bit(motion, path):
+    recorded = Recorded(path)
+    for one in motion.read(motion.references(), None):
+        entity = f"/{entity_of(one.index)}"
+        time, places = recorded.column(f"{entity}/robot/base", "Transform3D:translation")
+        assert np.array_equal(np.array(places, np.float32)[:, 0], one.arrays["root_position"])
+        np.testing.assert_allclose(time, motion.time[: one.length], atol=1e-9)
+        _, turns = recorded.column(f"{entity}/robot/base", "Transform3D:quaternion")
+        assert np.array_equal(np.array(turns, np.float32)[:, 0][:, [3, 0, 1, 2]], one.arrays["root_orientation"])
+        for number, leg in enumerate(GO2.legs):
+            _, values = recorded.column(f"{entity}/plots/joints/{leg.name}", "Scalars:scalars")
+            part = slice(3 * number, 3 * number + 3)
+            assert np.array_equal(np.array(values)[:, :3], one.arrays["reference_joint_position"][:, part])
+            assert np.array_equal(np.array(values)[:, 3:], one.arrays["joint_position"][:, part])
+            names = recorded.fixed(f"{entity}/plots/joints/{leg.name}", "SeriesLines:names")
+            assert names[3:] == list(LEG_JOINTS)
 
 
-def test_trajectories_follow_one_another_without_their_padding(data):
-    track = joined_track(data, 2)
-    assert len(track.time) == 20 + 15
-    assert np.all(np.diff(track.time) > 0.0)
-    assert track.starts[1][0] == pytest.approx(19 / 60 + PAUSE)
-    assert not any(np.isnan(values).any() for values in track.rows.values())
+def test_feet_are_drawn_where_the_dataset_has_them_and_marked_while_they_bear_weight(clean_dataset, tmp_path):
+    motion = Motion(clean_dataset, "dog_trot")
+    record_motion(motion, tmp_path / "a.rrd")
+    recorded = Recorded(tmp_path / "a.rrd")
+    (one,) = motion.read(motion.references()[:1], None)
+    _, centres = recorded.column("/trajectories/000/robot/feet", "Ellipsoids3D:centers")
+    assert np.array_equal(np.array(centres, np.float32), one.arrays["link_position"][:, 12:])
+    colours = np.array(recorded.column("/trajectories/000/robot/feet", "Ellipsoids3D:colors")[1])
+    stands = np.linalg.norm(one.arrays["foot_contact_force"], axis=-1) > CONTACT_FORCE
+    assert stands.any()
+    assert set(colours[stands]) == {0xFF8C00FF}
+    assert 0xFF8C00FF not in colours[~stands]
+    vectors = np.array(recorded.column("/trajectories/000/forces", "Arrows3D:vectors")[1])
+    np.testing.assert_allclose(vectors[stands], FORCE_SCALE * one.arrays["foot_contact_force"][stands], rtol=1e-5)
+    assert not vectors[~stands].any()
 
 
-def test_a_motion_without_trajectories_is_refused(rng):
-    none = made_up(rng).selected(np.zeros(3, dtype=bool))
+def test_targets_are_the_reference_of_later_rows_and_fewer_towards_the_end(motion, path):
+    recorded = Recorded(path)
+    (one,) = motion.read(motion.references()[:1], None)
+    _, strips = recorded.column("/trajectories/000/targets", "LineStrips3D:strips")
+    # Of the steps 1, 2, 10 and 30 the last is beyond the 20 rows; each target is two lines.
+    assert [len(row) for row in strips] == [6] * 10 + [4] * 8 + [2, 0]
+    reference = foot_positions(GO2, one.arrays["reference_joint_position"])
+    for row in range(10):
+        for place, step in enumerate(STEPS_AHEAD[:3]):
+            left, right = np.array(strips[row][2 * place]), np.array(strips[row][2 * place + 1])
+            root = one.arrays["reference_root_position"][row + step]
+            ends = np.stack([left[0], right[0], left[-1], right[-1]])
+            # Turning about the root keeps the feet's distances to it.
+            np.testing.assert_allclose(
+                np.linalg.norm(ends - root, axis=-1), np.linalg.norm(reference[row + step], axis=-1), atol=1e-5
+            )
+
+
+def test_errors_are_shares_of_the_limits_and_the_worst_trajectory_comes_first(motion, path):
+    recorded = Recorded(path)
+    shown = most_doubtful(motion, None)
+    assert [doubt.value for _, doubt in shown] == sorted((doubt.value for _, doubt in shown), reverse=True)
+    for one, doubt in shown:
+        _, shares = recorded.column(f"/{entity_of(one.index)}/plots/errors", "Scalars:scalars")
+        assert np.max(np.array(shares)[:, 0]) == pytest.approx(doubt.shares[0])
+        assert np.max(np.array(shares)[:, 1]) == pytest.approx(doubt.shares[1])
+        assert np.sqrt(np.mean(np.array(shares)[:, 2] ** 2)) == pytest.approx(doubt.shares[2])
+        _, limit = recorded.column(f"/{entity_of(one.index)}/plots/limit", "Scalars:scalars")
+        assert set(np.ravel(limit)) == {1.0}
+
+
+def test_the_text_tells_quality_draw_and_verdict(motion, tmp_path):
+    (one,) = motion.read(motion.references()[1:2], None)
+    add_verdicts(motion.path, [new_verdict(one, REJECTED, "drags a leg", "Ada")])
+    record_motion(motion, tmp_path / "a.rrd")
+    (text,) = Recorded(tmp_path / "a.rrd").fixed("/trajectories/001/text", "TextDocument:text")
+    assert "rejected by Ada: drags a leg" in text
+    for name in motion.trajectory_arrays:
+        if name != "length":
+            assert name.rpartition("/")[2].replace("_", " ") in text
+    (listed,) = Recorded(tmp_path / "a.rrd").fixed("/list", "TextDocument:text")
+    assert listed.count("\n| ") == 1 + 3
+
+
+def test_fewer_trajectories_are_the_most_doubtful_ones(motion, tmp_path):
+    worst = most_doubtful(motion, None)[0][0].index
+    assert record_motion(motion, tmp_path / "a.rrd", Style(trajectories=1)) == 1
+    entities = {entity for entity in Recorded(tmp_path / "a.rrd").entities if entity.startswith("/trajectories")}
+    assert {entity.split("/")[2] for entity in entities} == {f"{worst:03d}"}
+
+
+def test_a_trajectory_of_twenty_seconds_takes_less_than_three_megabytes(clean_dataset, tmp_path):
+    # 150 rows of real data are there; rows cost the same, however many there are.
+    motion = Motion(clean_dataset, "dog_trot")
+    sizes = {}
+    for count in (1, 5):
+        record_motion(motion, tmp_path / "a.rrd", Style(trajectories=count))
+        sizes[count] = (tmp_path / "a.rrd").stat().st_size
+    per_row = (sizes[5] - sizes[1]) / (4 * 150)
+    assert sizes[1] + per_row * (1200 - 150) < 3e6
+
+
+def test_a_motion_without_limits_is_shown_all_the_same(motion, tmp_path):
+    store = shutil.copytree(motion.path, tmp_path / "copy.zarr")
+    metadata = store / "made_up" / "zarr.json"
+    metadata.write_text(metadata.read_text().replace("gather_settings", "other_settings"))
+    (store / "zarr.json").write_text((store / "zarr.json").read_text().replace("gather_settings", "other_settings"))
+    record_motion(Motion(store, "made_up"), tmp_path / "a.rrd")
+    recorded = Recorded(tmp_path / "a.rrd")
+    assert recorded.fixed("/trajectories/000/plots/errors", "SeriesLines:names")[0] == "root distance [m]"
+    assert "/trajectories/000/plots/limit" not in recorded.entities
+
+
+@pytest.mark.parametrize("settings", [{}, {"env": {}}, {"env": {"steps_ahead": "no"}}, {"env": {"steps_ahead": [0]}}])
+def test_steps_that_are_not_known_are_those_of_the_paper(settings):
+    assert steps_ahead({"training_settings": settings}) == STEPS_AHEAD
+    assert steps_ahead({"training_settings": {"env": {"steps_ahead": [3, 5]}}}) == (3, 5)
+
+
+def test_a_motion_without_trajectories_is_refused_and_leaves_nothing(motion, tmp_path, monkeypatch):
+    monkeypatch.setattr(Motion, "references", lambda _: [])
     with pytest.raises(DatasetError, match="no trajectory to record"):
-        joined_track(MotionData("empty", {}, np.arange(20) / 60.0, none), 3)
-
-
-def test_made_up_data_covers_every_array(data):
-    assert set(data.trajectories.rows) == {array.name for array in ROW_ARRAYS}
-    assert isinstance(data.trajectories, Trajectories)
+        record_motion(motion, tmp_path / "a.rrd")
+    assert not list(tmp_path.glob("*.rrd"))

@@ -1,0 +1,179 @@
+"""Going through trajectories in the terminal, one key a verdict."""
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kine2go_warp.dataset.doubt import LIMITS, Doubt, doubts
+from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.verdicts import (
+    ACCEPTED,
+    REJECTED,
+    Verdict,
+    add_verdicts,
+    new_verdict,
+    remove_verdict,
+    standing_verdicts,
+)
+
+HELP = "a accept, r reject, s skip, u undo, q quit"
+
+
+@dataclass
+class Steps:
+    """A walk through trajectories: where it is, and what was said on the way."""
+
+    dataset: Path
+    motions: dict[str, Motion]
+    queue: list[Doubt]
+    who: str | None
+    place: int = 0
+    said: list[Verdict | None] = field(default_factory=list)
+    """Of each trajectory before the present one; None where it was skipped."""
+
+    @property
+    def present(self) -> Doubt | None:
+        """The trajectory to look at, None at the end."""
+        return self.queue[self.place] if self.place < len(self.queue) else None
+
+    def judge(self, verdict: str, why: str) -> None:
+        """Keep a verdict on the present trajectory and go on."""
+        reference = self.queue[self.place].reference
+        (one,) = self.motions[reference.motion].read([reference], None)
+        given = new_verdict(one, verdict, why, self.who)
+        add_verdicts(self.dataset, [given])
+        self._go_on(given)
+
+    def skip(self) -> None:
+        """Go on without a verdict."""
+        self._go_on(None)
+
+    def undo(self) -> bool:
+        """Go back by one trajectory and take its verdict back; return whether there was one before."""
+        if not self.said:
+            return False
+        given = self.said.pop()
+        if given is not None:
+            remove_verdict(self.dataset, given)
+        self.place -= 1
+        return True
+
+    def count(self, verdict: str) -> int:
+        """Return how many trajectories were accepted or rejected on the way."""
+        return sum(given is not None and given.verdict == verdict for given in self.said)
+
+    def _go_on(self, given: Verdict | None) -> None:
+        self.said.append(given)
+        self.place += 1
+
+
+def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, again: bool) -> int:
+    """Go through trajectories until the end, ``q``, or the end of the input.
+
+    Args:
+        dataset: The dataset.
+        motions: Its motions to go through.
+        who: Name of the person; by default the one that is logged in.
+        again: Also show trajectories that have a verdict.
+    """
+    queue = in_order_of_doubt(motions, again)
+    steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who)
+    print(f"{len(queue)} trajectories to look at, the most doubtful first; {HELP}", flush=True)
+    while (doubt := steps.present) is not None:
+        print(f"\n[{steps.place + 1}/{len(queue)}] {described(doubt, steps.motions[doubt.reference.motion])}")
+        if not answer(steps):
+            break
+    left = len(queue) - steps.place
+    skipped = len(steps.said) - steps.count(ACCEPTED) - steps.count(REJECTED)
+    print(
+        f"\n{dataset}: {steps.count(ACCEPTED)} accepted, {steps.count(REJECTED)} rejected, {skipped} skipped, "
+        f"{left} not looked at"
+    )
+    return 0
+
+
+def in_order_of_doubt(motions: Sequence[Motion], again: bool) -> list[Doubt]:
+    """Return the trajectories to look at, the most doubtful first."""
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    found: list[Doubt] = []
+    for motion in track(motions, "reading", console=console, transient=True, disable=not console.is_terminal):
+        done = set() if again else set(standing_verdicts(motion))
+        wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
+        found += doubts(motion, wanted)
+    return sorted(found, key=lambda one: -one.value)
+
+
+def described(doubt: Doubt, motion: Motion) -> str:
+    """Return the figures of a trajectory in a few lines."""
+    from kine2go_warp.recordings.summary import grouped, label, shown
+
+    one = doubt.reference
+    share = "unknown" if math.isinf(doubt.value) else f"{doubt.value:.0%}"
+    lines = [f"{one.motion}/{one.index}  doubt {share}  {motion.time[one.length - 1]:.1f} s"]
+    for limit, figure, bound in zip(LIMITS, doubt.figures, doubt.limits, strict=True):
+        of = "" if math.isnan(bound) else f" of {bound:g}"
+        mark = "  <" if limit.label == doubt.worst else ""
+        lines.append(f"  {limit.label:<14} {figure:.3f}{of} {limit.unit}{mark}")
+    for title, names in grouped(motion).items():
+        figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names)
+        lines.append(f"  {title:<14} {figures}")
+    return "\n".join(lines)
+
+
+def answer(steps: Steps) -> bool:
+    """Ask for a key until it leads on; return whether to go on."""
+    while True:
+        key = read_key("> ")
+        if key in ("", "q"):
+            return False
+        if key == "a":
+            steps.judge(ACCEPTED, "")
+        elif key == "r":
+            why = read_line("why: ")
+            if not why:
+                print("not rejected: a rejection needs a reason")
+                continue
+            steps.judge(REJECTED, why)
+        elif key == "s":
+            steps.skip()
+        elif key == "u":
+            if not steps.undo():
+                print("nothing to undo")
+                continue
+        else:
+            print(HELP)
+            continue
+        return True
+
+
+def read_key(prompt: str) -> str:
+    """Return the next key, an empty text at the end of the input. Without a terminal a line is a key."""
+    if not sys.stdin.isatty():
+        print(prompt, end="", flush=True)
+        line = sys.stdin.readline()
+        return line.strip()[:1].lower() or ("" if not line else "?")
+    import termios
+    import tty
+
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    try:
+        # Before the prompt, and without a flush, so that no key is lost however early it is pressed.
+        tty.setcbreak(terminal, termios.TCSADRAIN)
+        print(prompt, end="", flush=True)
+        key = sys.stdin.read(1).lower()
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+    print(key, flush=True)
+    return "" if key == "\x04" else key
+
+
+def read_line(prompt: str) -> str:
+    """Return the next line, an empty text at the end of the input."""
+    print(prompt, end="", flush=True)
+    return sys.stdin.readline().strip()

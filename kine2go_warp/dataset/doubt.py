@@ -1,0 +1,110 @@
+"""How close each trajectory came to being rejected, so that people look at the most doubtful ones first."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
+from kine2go_warp.dataset.quality import rotation_angle
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A threshold of the filter that gathering applies."""
+
+    setting: str
+    """Its name in the attribute ``gather_settings`` of a motion."""
+    label: str
+    unit: str
+
+
+LIMITS = (
+    Limit("max_distance", "root distance", "m"),
+    Limit("max_angle", "root angle", "rad"),
+    Limit("max_joint_rmse", "joint RMSE", "rad"),
+)
+"""The order of all figures of this file."""
+
+ERROR_ARRAYS = (
+    "root_position",
+    "reference_root_position",
+    "root_orientation",
+    "reference_root_orientation",
+    "joint_position",
+    "reference_joint_position",
+)
+"""What the errors are computed from."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """How close a trajectory came to each limit."""
+
+    reference: TrajectoryReference
+    figures: tuple[float, ...]
+    """Largest distance [m] and angle [rad] of the root from its reference, and joint RMSE over all rows [rad]."""
+    limits: tuple[float, ...]
+    """The limits, NaN where the motion's attributes have none."""
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Each figure as a share of its limit, NaN where there is none."""
+        return tuple(figure / limit for figure, limit in zip(self.figures, self.limits, strict=True))
+
+    @property
+    def value(self) -> float:
+        """The largest share: 1 at a limit, and without end for a trajectory of whose limits nothing is known."""
+        known = [share for share in self.shares if not math.isnan(share)]
+        return max(known, default=math.inf)
+
+    @property
+    def worst(self) -> str:
+        """The figure that is closest to its limit, an empty text if no limit is known."""
+        known = [
+            (share, limit.label) for share, limit in zip(self.shares, LIMITS, strict=True) if not math.isnan(share)
+        ]
+        return max(known, default=(0.0, ""))[1]
+
+
+def filter_limits(attributes: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return the limits that a motion was filtered by, NaN where its attributes have none."""
+    settings = attributes.get("gather_settings")
+    known = settings if isinstance(settings, Mapping) else {}
+    values = [known.get(limit.setting) for limit in LIMITS]
+    is_limit = [isinstance(value, int | float) and not isinstance(value, bool) and value > 0 for value in values]
+    return tuple(float(value) if good else math.nan for value, good in zip(values, is_limit, strict=True))  # type: ignore
+
+
+def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
+    """Return the errors of each row of a trajectory, in the order of ``LIMITS``, shape [num_rows, 3].
+
+    The last is the root mean square over the joints of that row.
+    """
+    distance = rows["root_position"].astype(np.float64) - rows["reference_root_position"]
+    joints = rows["joint_position"].astype(np.float64) - rows["reference_joint_position"]
+    angle = rotation_angle(rows["root_orientation"], rows["reference_root_orientation"])
+    return np.stack([np.linalg.norm(distance, axis=-1), angle, np.sqrt(np.mean(joints**2, axis=-1))], axis=-1)
+
+
+def doubt_of(trajectory: Trajectory, limits: tuple[float, ...]) -> Doubt:
+    """Return how close a trajectory came to the limits; it needs the arrays ``ERROR_ARRAYS``."""
+    distance, angle, joints = row_errors(trajectory.arrays).T
+    figures = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
+    return Doubt(trajectory, figures, limits)
+
+
+def doubts(motion: Motion, references: Sequence[TrajectoryReference]) -> Iterator[Doubt]:
+    """Yield how doubtful trajectories of a motion are, in their order; their rows are not kept.
+
+    Raises:
+        DatasetError: an array cannot be read.
+    """
+    limits = filter_limits(motion.attributes)
+    for trajectory in motion.read(references, ERROR_ARRAYS):
+        one = doubt_of(trajectory, limits)
+        slim = TrajectoryReference(trajectory.motion, trajectory.index, trajectory.length, trajectory.values)
+        yield Doubt(slim, one.figures, one.limits)

@@ -1,0 +1,113 @@
+"""How the viewer is laid out: a tab a trajectory, the most doubtful one first, and one with all of them."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from kine2go_warp.dataset.doubt import Doubt
+from kine2go_warp.dataset.motion import Trajectory
+from kine2go_warp.recordings.stream import TIMELINE
+from kine2go_warp.recordings.trajectory import entity_of
+from kine2go_warp.robots import RobotSpec
+
+EYE = (-0.35, -1.75, 0.85)
+"""Where the eye is, seen from the robot that it follows when that begins to move [m]."""
+
+FAR_EYE = (5.0, -7.0, 6.0)
+"""Where the eye is that looks at all robots [m]."""
+
+BACKGROUND = (24, 26, 32)
+FLOOR = (70, 74, 84, 150)
+CELL = 0.5
+"""Size of the squares on the floor [m]."""
+
+
+Vector = tuple[float, float, float]
+
+
+def motion_layout(motion: str, shown: Sequence[tuple[Trajectory, Doubt]], spec: RobotSpec) -> rrb.Blueprint:
+    """Return the layout of a motion's recording, with tabs in the order of ``shown``."""
+    tabs = [trajectory_tab(one, doubt, spec) for one, doubt in shown]
+    robots = [f"+ /{entity_of(one.index)}/{part}/**" for one, _ in shown for part in ("robot", "paths")]
+    everything = rrb.Horizontal(
+        scene(f"{motion}: all trajectories", "/", robots, FAR_EYE, (0.0, 0.0, 0.0), None),
+        rrb.TextDocumentView(name="by doubt", origin="/list"),
+        column_shares=[3, 2],
+        name=f"all {len(shown)}",
+    )
+    return whole(rrb.Tabs(*tabs, everything, name=motion, active_tab=0))
+
+
+def whole(content: rrb.Container | rrb.View) -> rrb.Blueprint:
+    """Return a layout with the timeline, and without what a reviewer does not need."""
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", loop_mode="all"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def trajectory_tab(one: Trajectory, doubt: Doubt, spec: RobotSpec) -> rrb.Horizontal:
+    """Return the views of one trajectory."""
+    entity = entity_of(one.index)
+    share = "" if math.isinf(doubt.value) else f" ({doubt.value:.0%})"
+    start = one.arrays["root_position"][0]
+    plots = rrb.Vertical(
+        curves("errors / limits", f"{entity}/plots", ["errors", "limit"]),
+        rrb.Tabs(*[curves(f"{leg.name} joints [rad]", f"{entity}/plots/joints/{leg.name}") for leg in spec.legs]),
+        curves("reward terms", f"{entity}/plots/reward"),
+        curves("foot force [N]", f"{entity}/plots/force"),
+        row_shares=[3, 3, 2, 2],
+    )
+    space = [f"+ /{entity}/{part}/**" for part in ("robot", "reference", "targets", "forces", "paths")]
+    return rrb.Horizontal(
+        scene(
+            f"trajectory {one.index}",
+            f"/{entity}",
+            space,
+            tuple(start + turned(EYE, one.arrays["root_orientation"][0])),
+            tuple(start),
+            f"/{entity}/robot/base/trunk",
+        ),
+        plots,
+        rrb.TextDocumentView(name="figures", origin=f"{entity}/text"),
+        column_shares=[10, 7, 4],
+        name=f"{one.index}{share}",
+    )
+
+
+def turned(vector: Vector, orientation: NDArray) -> NDArray:
+    """Turn a vector about the vertical by the heading of an orientation (w, x, y, z)."""
+    w, x, y, z = np.asarray(orientation, np.float64)
+    heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1], vector[2]])
+
+
+def scene(
+    name: str, origin: str, contents: list[str], eye: Vector, target: Vector, follow: str | None
+) -> rrb.Spatial3DView:
+    """Return a view of the space, with a floor and an eye that may follow an entity."""
+    return rrb.Spatial3DView(
+        name=name,
+        origin=origin,
+        contents=contents,
+        background=rrb.Background(color=BACKGROUND),
+        line_grid=rrb.LineGrid3D(visible=True, spacing=CELL, stroke_width=1.0, color=FLOOR),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, tracking_entity=follow
+        ),
+    )
+
+
+def curves(name: str, origin: str, parts: list[str] | None = None) -> rrb.TimeSeriesView:
+    """Return a plot of the curves at an entity, or at some entities below it."""
+    contents = "$origin/**" if parts is None else [f"+ $origin/{part}" for part in parts]
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=legend)

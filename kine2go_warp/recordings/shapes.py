@@ -1,0 +1,130 @@
+"""Where the primitive shapes of a robot are, row by row, computed with NumPy alone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import link_positions
+from kine2go_warp.robots.spec import UrdfReader
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Motors:
+    """The cylinders at the hips that hold the motors of the thighs, from the visual shapes of the URDF."""
+
+    radius: float
+    """[m]"""
+    length: float
+    """[m]"""
+    centres: NDArray[np.float64]
+    """Centre of each leg's cylinder in the frame of its hip [m], shape [4, 3]."""
+
+    @classmethod
+    def of(cls, spec: RobotSpec) -> "Motors":
+        """Read the shapes of a robot."""
+        reader = UrdfReader(spec.urdf)
+        visuals = [f"link[@name='{leg.name}_hip']/visual" for leg in spec.legs]
+        cylinder = reader.find(f"{visuals[0]}/geometry/cylinder").attrib
+        centres = [[float(part) for part in reader.find(f"{one}/origin").attrib["xyz"].split()] for one in visuals]
+        return cls(float(cylinder["radius"]), float(cylinder["length"]), np.array(centres))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A robot's links over some rows, in the world frame."""
+
+    root_position: Array
+    """Base link origin [m], shape [num_rows, 3]."""
+    root_orientation: Array
+    """Base link in the world, (x, y, z, w), shape [num_rows, 4]."""
+    link_position: Array
+    """Joint centres and feet, in the order of ``RobotSpec.link_names`` [m], shape [num_rows, 16, 3]."""
+    hip: Array
+    """Orientation of the hips, (x, y, z, w), shape [num_rows, 4, 4]."""
+    thigh: Array
+    """The same for the thighs."""
+    calf: Array
+    """The same for the calves."""
+
+    @property
+    def feet(self) -> Array:
+        """Foot centres [m], shape [num_rows, 4, 3]."""
+        return self.link_position[:, 12:]
+
+    def joint_centres(self, joint: int) -> Array:
+        """Return the centres of all hips (0), thighs (1) or calves (2) [m], shape [num_rows, 4, 3]."""
+        return self.link_position[:, joint:12:3]
+
+
+def poses_of(
+    spec: RobotSpec,
+    root_position: NDArray,
+    root_orientation: NDArray,
+    joint_position: NDArray,
+    link_position: NDArray | None = None,
+) -> Poses:
+    """Compute where the links of a robot are.
+
+    Args:
+        spec: The robot.
+        root_position: Base link origin [m], shape [num_rows, 3].
+        root_orientation: Base link in the world, (w, x, y, z), shape [num_rows, 4].
+        joint_position: Joint positions [rad], shape [num_rows, 12].
+        link_position: Joint centres and feet, where they are known [m], shape [num_rows, 16, 3]. By default they follow
+            from the others.
+    """
+    base = np.asarray(root_orientation)[:, [1, 2, 3, 0]]
+    if link_position is None:
+        inside = link_positions(spec, joint_position)
+        link_position = root_position[:, None] + rotated(base[:, None], inside)
+    angles = np.asarray(joint_position, np.float64).reshape(-1, len(spec.legs), 3)
+    hip = multiplied(base[:, None], about(0, angles[..., 0]))
+    thigh = multiplied(hip, about(1, angles[..., 1]))
+    calf = multiplied(thigh, about(1, angles[..., 2]))
+    arrays = (root_position, base, link_position, hip, thigh, calf)
+    return Poses(*(np.ascontiguousarray(values, np.float32) for values in arrays))
+
+
+def robot_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
+    """Return the robot of a trajectory, at the points that the dataset stores."""
+    state = rows["root_position"], rows["root_orientation"], rows["joint_position"], rows["link_position"]
+    return poses_of(spec, *state)
+
+
+def reference_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
+    """Return the reference of a trajectory."""
+    names = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
+    return poses_of(spec, *(rows[name] for name in names))
+
+
+def skeletons(poses: Poses) -> Array:
+    """Return one line through each leg, from hip over thigh and calf to the foot [m], shape [num_rows, 4, 4, 3]."""
+    parts = [poses.joint_centres(joint) for joint in range(3)]
+    return np.stack([*parts, poses.feet], axis=2)
+
+
+def about(axis: int, angle: NDArray) -> NDArray[np.float64]:
+    """Return the turn by an angle [rad] about a coordinate axis, (x, y, z, w), shape [..., 4]."""
+    turn = np.zeros((*np.shape(angle), 4))
+    turn[..., axis], turn[..., 3] = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    return turn
+
+
+def multiplied(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the turn ``b`` followed by ``a``, (x, y, z, w), shape [..., 4]."""
+    vector_a, vector_b = a[..., :3], b[..., :3]
+    vector = a[..., 3:] * vector_b + b[..., 3:] * vector_a + np.cross(vector_a, vector_b)
+    scalar = a[..., 3] * b[..., 3] - np.sum(vector_a * vector_b, axis=-1)
+    return np.concatenate([vector, scalar[..., None]], axis=-1)
+
+
+def rotated(quaternion: NDArray, vector: NDArray) -> NDArray[np.float64]:
+    """Return vectors turned by (x, y, z, w), shape [..., 3]."""
+    axis, scalar = quaternion[..., :3], quaternion[..., 3:]
+    across = 2.0 * np.cross(axis, vector)
+    return vector + scalar * across + np.cross(axis, across)

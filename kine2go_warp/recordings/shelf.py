@@ -1,0 +1,104 @@
+"""A folder of recordings, each made again only when what it shows has changed."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from kine2go_warp import __version__
+from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.verdicts import read_verdicts
+from kine2go_warp.errors import RecordingError
+from kine2go_warp.files import atomic_file
+from kine2go_warp.recordings.motion import Style, record_motion
+
+
+@dataclass(frozen=True)
+class Shelved:
+    """One recording of a folder."""
+
+    path: Path
+    shown: int
+    """Trajectories that it shows."""
+    is_new: bool
+    """Whether it was written now."""
+
+
+class Shelf:
+    """The recordings of a folder. Beside each lies a note, ``MOTION.json``, of what it shows."""
+
+    def __init__(self, folder: Path, style: Style, overwrite: bool = False) -> None:
+        """Look at a folder; it need not exist.
+
+        Args:
+            folder: Of the recordings.
+            style: What they show.
+            overwrite: Replace files that have no note.
+
+        Raises:
+            RecordingError: there is a file in place of the folder.
+        """
+        if folder.exists() and not folder.is_dir():
+            raise RecordingError(f"{folder}: is a file; name a folder for the recordings")
+        self.folder, self.style, self.overwrite = folder, style, overwrite
+
+    def path(self, motion: str) -> Path:
+        """Return where the recording of a motion lies."""
+        return self.folder / f"{motion}.rrd"
+
+    def put(self, motion: Motion, on_write: Callable[[], None] | None = None) -> Shelved:
+        """Write the recording of a motion, unless it is there and shows the same.
+
+        Args:
+            motion: The motion.
+            on_write: Called before it is written.
+
+        Raises:
+            DatasetError: the motion cannot be read, or holds no trajectory.
+            RecordingError: a file without a note is in the way.
+        """
+        path, content = self.path(motion.name), self.content(motion)
+        note = path.with_suffix(".json")
+        known = read_note(note)
+        if path.is_file() and known.get("content") == content and self._is_enough(known):
+            return Shelved(path, known["shown"], is_new=False)
+        if path.exists() and not note.is_file() and not self.overwrite:
+            raise RecordingError(f"{path}: exists and was not made from a dataset; choose another folder with --out, "
+                                 "or replace it with --overwrite")  # fmt: skip
+        if on_write is not None:
+            on_write()
+        note.unlink(missing_ok=True)
+        shown = record_motion(motion, path, self.style)
+        with atomic_file(note) as temporary:
+            limit = self.style.trajectories
+            temporary.write_text(json.dumps({"content": content, "trajectories": limit, "shown": shown}) + "\n")
+        return Shelved(path, shown, is_new=True)
+
+    def content(self, motion: Motion) -> str:
+        """Return a hash of all that a recording is made from, but for the number of trajectories."""
+        digest = hashlib.sha256(__version__.encode())
+        folder = motion.path / motion.name
+        for path in sorted(folder.rglob("*")):
+            if path.is_file():
+                digest.update(f"{path.relative_to(folder)} {path.stat().st_size} ".encode())
+                digest.update(path.read_bytes())
+        verdicts = [asdict(one) for one in read_verdicts(motion.path) if one.motion == motion.name]
+        digest.update(json.dumps(verdicts).encode())
+        digest.update((self.style.meshes.content() if self.style.meshes else "").encode())
+        return digest.hexdigest()[:32]
+
+    def _is_enough(self, known: dict[str, Any]) -> bool:
+        """Return whether a recording shows as many trajectories as are wanted."""
+        limit, wanted = known.get("trajectories"), self.style.trajectories
+        return limit is None or (wanted is not None and limit >= wanted)
+
+
+def read_note(path: Path) -> dict[str, Any]:
+    """Return what is noted of a recording, empty if that cannot be read."""
+    try:
+        note = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return note if isinstance(note, dict) and isinstance(note.get("shown"), int) else {}

@@ -1,0 +1,76 @@
+"""The texts of a recording: what a trajectory is, and a list of all of them."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kine2go_warp.dataset.doubt import LIMITS, Doubt
+from kine2go_warp.dataset.motion import Motion, Trajectory
+
+
+def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str) -> str:
+    """Return what is known of a trajectory as a whole, in Markdown."""
+    lines = [
+        f"### {motion.name}/{one.index}",
+        f"{one.length} rows, {motion.time[one.length - 1]:.1f} s. {doubt_text(doubt)}",
+        *(["", f"**{verdict}**"] if verdict else []),
+        "",
+        "| filter | figure | limit | share |",
+        "|---|--:|--:|--:|",
+    ]
+    for limit, figure, bound, share in zip(LIMITS, doubt.figures, doubt.limits, doubt.shares, strict=True):
+        known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
+        lines.append(f"| {limit.label} [{limit.unit}] | {figure:.3f} | {known[0]} | {known[1]} |")
+    for title, names in grouped(motion).items():
+        lines += ["", f"| {title} | |", "|---|--:|"]
+        lines += [f"| {label(motion, name)} | {shown(one.values[name])} |" for name in names]
+    return "\n".join(lines)
+
+
+def grouped(motion: Motion) -> dict[str, list[str]]:
+    """Return the arrays of trajectories by their sub-group; those without one tell how a trajectory was drawn.
+
+    What is only there to set a simulator up again is left out.
+    """
+    groups: dict[str, list[str]] = {}
+    for name in sorted(motion.trajectory_arrays, key=lambda name: ("/" in name, name)):
+        group = name.split("/")[0] if "/" in name else "draw"
+        if name != "length" and group != "initial_state":
+            groups.setdefault(group, []).append(name)
+    return groups
+
+
+def label(motion: Motion, name: str) -> str:
+    """Return the name of an array with its unit."""
+    unit = motion.trajectory_arrays[name].unit
+    return name.rpartition("/")[2].replace("_", " ") + (f" [{unit}]" if unit not in ("1", "") else "")
+
+
+def shown(value: Any) -> str:
+    """Return a number, or up to four of them, or their range."""
+    values = np.atleast_1d(np.asarray(value)).reshape(-1)
+    if values.dtype.kind not in "iuf":
+        return ", ".join(map(str, values[:4]))
+    texts = [f"{one}" if values.dtype.kind in "iu" else f"{one:.4g}" for one in values]
+    return ", ".join(texts) if len(texts) <= 4 else f"{values.min():.4g} to {values.max():.4g}"
+
+
+def doubt_text(doubt: Doubt) -> str:
+    """Return how doubtful a trajectory is, in words."""
+    if math.isinf(doubt.value):
+        return "Doubt unknown: the motion's attributes have no limits."
+    return f"Doubt {doubt.value:.0%}, by its {doubt.worst}."
+
+
+def motion_text(motion: Motion, doubts: Sequence[Doubt], verdicts: dict[int, str]) -> str:
+    """Return a list of trajectories in Markdown, in the order in which they are given."""
+    heads = [f"{limit.label} [{limit.unit}]" for limit in LIMITS]
+    lines = [f"### {motion.name}: {len(doubts)} trajectories, the most doubtful first", ""]
+    lines += ["| | doubt | " + " | ".join(heads) + " | verdict |", "|--:|" + "--:|" * (len(heads) + 1) + "---|"]
+    for one in doubts:
+        share = "-" if math.isinf(one.value) else f"{one.value:.0%}"
+        figures = " | ".join(f"{figure:.3f}" for figure in one.figures)
+        lines.append(f"| {one.reference.index} | {share} | {figures} | {verdicts.get(one.reference.index, '')} |")
+    return "\n".join(lines)

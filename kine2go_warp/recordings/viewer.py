@@ -1,0 +1,120 @@
+"""Opening recordings in the Rerun viewer."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from kine2go_warp.errors import RecordingError
+
+PATIENCE = 1.0
+"""A viewer that ends sooner than this has failed [s]."""
+
+
+def viewer_program() -> Path:
+    """Return the viewer itself, rather than the script that starts it and cannot be ended.
+
+    Raises:
+        RecordingError: it is not installed.
+    """
+    try:
+        import rerun_cli
+    except ImportError:
+        raise RecordingError("the Rerun viewer is not installed; install 'rerun-sdk'") from None
+    return Path(str(rerun_cli.__file__)).parent / ("rerun.exe" if sys.platform == "win32" else "rerun")
+
+
+def check_display(environment: Mapping[str, str] = os.environ) -> None:
+    """Check that a window can be opened.
+
+    Raises:
+        RecordingError: there is no display.
+    """
+    needs_one = sys.platform.startswith("linux")
+    if needs_one and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
+        raise RecordingError("no display to open the viewer on; use --web for a browser, or --save to only write files")
+
+
+def open_native(recordings: Sequence[Path]) -> None:
+    """Open a window with recordings; it stays when this process ends.
+
+    Raises:
+        RecordingError: there is no display, or the viewer does not start.
+    """
+    check_display()
+    command = [str(viewer_program()), "--new", *map(str, recordings)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    time.sleep(PATIENCE)
+    if process.poll() not in (None, 0):
+        raise RecordingError("the Rerun viewer ended at once; use --web for a browser, or --save to only write files")
+
+
+@dataclass
+class WebViewer:
+    """Serves recordings to browsers of this machine."""
+
+    process: subprocess.Popen
+    url: str
+    """The page to open."""
+
+    @classmethod
+    def start(cls, recordings: Sequence[Path]) -> "WebViewer":
+        """Start to serve.
+
+        Raises:
+            RecordingError: the server does not start.
+        """
+        page, data = free_ports(2)
+        command = [str(viewer_program()), "--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(page)]
+        command += ["--port", str(data), "--server-memory-limit", "25%", *map(str, recordings)]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        source = quote(f"rerun+http://127.0.0.1:{data}/proxy", safe="")
+        viewer = cls(process, f"http://127.0.0.1:{page}/?url={source}")
+        viewer._wait_for(page)
+        return viewer
+
+    def wait(self) -> None:
+        """Serve until interrupted or told to end; the server does not outlive this process."""
+        before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+        try:
+            self.process.wait()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.stop()
+            signal.signal(signal.SIGTERM, before)
+
+    def stop(self) -> None:
+        """Stop serving."""
+        self.process.terminate()
+        self.process.wait()
+
+    def _wait_for(self, port: int, limit: float = 20.0) -> None:
+        """Wait until the page is there."""
+        end = time.monotonic() + limit
+        while time.monotonic() < end and self.process.poll() is None:
+            with socket.socket() as probe:
+                probe.settimeout(0.5)
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    return
+            time.sleep(0.1)
+        self.stop()
+        raise RecordingError("the web server of the Rerun viewer does not start; use --save to only write files")
+
+
+def free_ports(count: int) -> list[int]:
+    """Return ports of this machine that nobody uses."""
+    probes = [socket.socket() for _ in range(count)]
+    try:
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [probe.getsockname()[1] for probe in probes]
+    finally:
+        for probe in probes:
+            probe.close()

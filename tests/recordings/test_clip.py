@@ -1,0 +1,48 @@
+"""The recording of a clip, read back."""
+
+import numpy as np
+import pytest
+
+from kine2go_warp.recordings.clip import CYCLES, record_clip
+from tests.recordings.conftest import Recorded
+
+
+@pytest.fixture
+def recorded(clip, tmp_path):
+    record_clip(clip, tmp_path / "clip.rrd")
+    return Recorded(tmp_path / "clip.rrd")
+
+
+def test_the_robot_goes_through_three_cycles_each_moved_on_by_the_displacement(clip, recorded):
+    time, places = recorded.column("/clip/robot/base", "Transform3D:translation")
+    places = np.array(places)[:, 0]
+    assert len(time) == CYCLES * clip.num_frames
+    assert time[-1] == pytest.approx(CYCLES * clip.period - clip.frame_duration)
+    assert np.array_equal(places[: clip.num_frames].astype(np.float32), clip.root_position.astype(np.float32))
+    for cycle in range(CYCLES):
+        part = slice(cycle * clip.num_frames, (cycle + 1) * clip.num_frames)
+        moved, _ = clip.cycle.repeated(cycle).apply(clip.root_position, clip.root_orientation)
+        np.testing.assert_allclose(places[part], moved, atol=1e-5)
+
+
+def test_stance_bars_are_there_while_a_foot_stands(clip, recorded):
+    _, bars = recorded.column("/clip/plots/stance/bars", "Scalars:scalars")
+    there = ~np.isnan(np.array(bars, float))
+    assert np.array_equal(there, np.tile(clip.stance > 0.5, (CYCLES, 1)))
+
+
+def test_seams_are_marked_where_a_cycle_begins_again(clip, recorded):
+    time, _ = recorded.column("/clip/plots/seam", "Scalars:scalars")
+    np.testing.assert_allclose(time, [clip.period, 2 * clip.period], atol=1e-9)
+    marks = np.array(recorded.fixed("/clip/ways/seams", "Points3D:positions"))
+    expected = [
+        clip.cycle.repeated(cycle).apply(clip.root_position[:1], clip.root_orientation[:1])[0][0] for cycle in (1, 2)
+    ]
+    np.testing.assert_allclose(marks, expected, atol=1e-5)
+
+
+def test_places_where_feet_stand_are_shown(clip, recorded):
+    for foot, leg in enumerate(("FL", "FR", "RL", "RR")):
+        points = recorded.fixed(f"/clip/ways/{leg}_stance", "Points3D:positions")
+        assert len(points) == CYCLES * int((clip.stance[:, foot] > 0.5).sum())
+        np.testing.assert_allclose(points[0], clip.foot_position[clip.stance[:, foot] > 0.5, foot][0], atol=1e-4)
