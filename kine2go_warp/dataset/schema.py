@@ -79,7 +79,7 @@ QUALITY_ARRAYS = (
     ArraySpec("action_saturation", ("trajectory",), "1", "share of joint targets beyond the limits of the joint"),
     ArraySpec("foot_slip", ("trajectory",), "m/s", "mean horizontal speed of feet that bear weight"),
     ArraySpec("joint_jerk", ("trajectory",), "rad/s^3", "mean size of the joints' jerk"),
-    ArraySpec("doubt", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
+    ArraySpec("limit_share", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
 )
 """How good each rollout is, computed from its rows."""
 

@@ -31,23 +31,23 @@ class GatherConfig:
     """Rollouts run at most, as a multiple of those wanted; then those that were accepted are kept."""
     keep_rejected: bool = False
     """Store rejected rollouts, too, in a group of their own."""
-    max_distance: float = 0.5
+    max_distance: float = 0.4
     """Largest distance of the root from its reference at any time [m]."""
-    max_angle: float = 0.8
+    max_angle: float = 0.5
     """Largest angle of the root from its reference at any time [rad]."""
-    max_joint_rmse: float = 0.25
+    max_joint_rmse: float = 0.12
     """Largest root mean square of the joint position error [rad]."""
-    max_leg_contact: float = 0.02
+    max_leg_contact: float = 0.2
     """Largest share of rows in which a thigh or calf touches the ground."""
     max_joint_limit: float = 0.05
     """Largest share of joint positions at a limit of the joint."""
-    max_torque_saturation: float = 0.1
+    max_torque_saturation: float = 0.05
     """Largest share of joint torques at the motor's limit."""
-    max_action_saturation: float = 0.2
+    max_action_saturation: float = 0.1
     """Largest share of joint targets beyond the limits of the joint."""
-    max_foot_slip: float = 0.4
+    max_foot_slip: float = 0.3
     """Largest mean horizontal speed of feet that bear weight [m/s]."""
-    max_joint_jerk: float = 30_000.0
+    max_joint_jerk: float = 20_000.0
     """Largest mean size of the joints' jerk [rad/s^3]."""
     randomization: RandomizationConfig = field(default_factory=lambda: MILD)
     """What differs between the rollouts."""

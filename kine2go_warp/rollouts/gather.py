@@ -96,7 +96,7 @@ def gather(
                 f"{clip.name}: all {campaign.num_rollouts} rollouts were rejected ({found}); train longer"
             )
         accepted = campaign.accepted()
-        doubt = accepted.groups["quality"]["doubt"]
+        doubt = accepted.groups["quality"]["limit_share"]
         borderline = tuple(int(index) for index in np.argsort(-doubt, kind="stable") if doubt[index] > BORDERLINE)
         attributes = {
             "motion": clip.name,

@@ -89,7 +89,7 @@ def judge(rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: f
         warnings.simplefilter("ignore")
         quality = rollout_quality(rows, frame_duration, spec)
     shares = {name: quality[name] / getattr(config, setting) for name, setting, _ in LIMITS}
-    quality["doubt"] = np.max(np.stack(list(shares.values())), axis=0)
+    quality["limit_share"] = np.max(np.stack(list(shares.values())), axis=0)
     reasons = []
     for index, failure in enumerate(failures):
         exceeded = [reason for name, _, reason in LIMITS if not shares[name][index] <= 1.0]

@@ -100,7 +100,7 @@ def test_a_verdict_lapses_when_any_row_changes(path, array):
     data = read_motion(path, "one").trajectories
     rows = {name: values.copy() for name, values in data.rows.items()}
     rows[array][1, 7] += 1e-3
-    rewrite(path, "one", Trajectories(rows, data.draws))
+    rewrite(path, "one", Trajectories(rows, data.draws, data.groups))
     assert places(path, "one") == {2: REJECTED}
     assert len(read_verdicts(path)) == 2, "the record is kept"
 
