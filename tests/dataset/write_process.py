@@ -1,8 +1,9 @@
 """A process that writes a motion and kills itself at a step of its own choice: FOLDER KIND FIRST STRIDE.
 
 For one step after the other it takes a copy of FOLDER/before, forks a child that writes a motion into it, and kills the
-child right before that step. A step is anything that changes the file system; KIND ``outer`` counts only those outside
-the folder in which the motion is prepared, ``all`` counts all of them. The last copy is written without a kill.
+child right before that step. With KIND ``outer`` a step is a rename or the removal of a folder, except for what happens
+inside the folder in which the motion is prepared; with ``all`` anything that changes the file system. The last copy
+is written without a kill.
 """
 
 import os
@@ -18,6 +19,7 @@ from kine2go_warp.robots import GO2
 from tests.dataset.test_store import SIMULATION, made_up
 
 CHANGES = ("os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.link")
+OUTER = ("os.rename", "shutil.rmtree")
 
 
 def changes_files(event: str, arguments: tuple) -> bool:
@@ -38,7 +40,12 @@ def kill_before_step(number: int, kind: str) -> None:
 
     def count(event: str, arguments: tuple) -> None:
         nonlocal steps
-        if changes_files(event, arguments) and (kind == "all" or is_outer(os.fsdecode(arguments[0]))):
+        is_step = (
+            event in OUTER and is_outer(os.fsdecode(arguments[0]))
+            if kind == "outer"
+            else changes_files(event, arguments)
+        )
+        if is_step:
             steps += 1
             if steps == number:
                 os.kill(os.getpid(), signal.SIGKILL)
