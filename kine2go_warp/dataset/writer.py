@@ -1,8 +1,6 @@
 """Writing motions into a store, each whole or not at all."""
 
 import json
-import os
-import platform
 import shutil
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,7 +11,9 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.buffer.cpu import Buffer
 from zarr.codecs import ZstdCodec
+from zarr.storage import MemoryStore
 
 from kine2go_warp import __version__
 from kine2go_warp.dataset.schema import (
@@ -27,9 +27,10 @@ from kine2go_warp.dataset.schema import (
     ArraySpec,
     coordinates,
 )
+from kine2go_warp.dataset.staging import StagingArea
 from kine2go_warp.dataset.trajectories import Rollouts, padded
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import atomic_file, flush_folder
+from kine2go_warp.files import flush_folder
 from kine2go_warp.revision import revision
 from kine2go_warp.robots import RobotSpec
 
@@ -55,7 +56,7 @@ class DatasetWriter:
     """A dataset to which motions are added one by one.
 
     A motion is written beside the store and renamed into it, so that the store holds whole motions only, also after a
-    kill.
+    kill. What a killed process of this machine has left beside the store, the next writer puts back or removes.
     """
 
     def __init__(self, path: Path, spec: RobotSpec) -> None:
@@ -73,7 +74,10 @@ class DatasetWriter:
             raise DatasetError(f"{path}: exists and is not a dataset; choose another name")
         if path.exists():
             check_version(path)
-        self._discard_leftovers()
+        self._area = StagingArea(path)
+        others_write = self._area.recover()
+        if self.motions() and not others_write and "consolidated_metadata" not in self._area.root_metadata():
+            self._write_index()
 
     def motions(self) -> list[str]:
         """Return the names of the motions in the store."""
@@ -109,14 +113,14 @@ class DatasetWriter:
             DatasetError: the dataset holds motions that were simulated otherwise.
         """
         self.check(motion, simulation)
-        staging = self._staging(motion)
+        staging = self._area.folder("new", motion)
         shutil.rmtree(staging, ignore_errors=True)
         frame_duration = 1.0 / simulation.control_frequency
         try:
             self._write_group(staging, trajectories, frame_duration, attributes, rejected)
             flush_folder(staging)
             self._write_root(simulation)
-            self._put_in_place(staging, self.path / motion)
+            self._area.put_in_place(motion)
             self._write_index()
         finally:
             shutil.rmtree(staging, ignore_errors=True)
@@ -141,46 +145,22 @@ class DatasetWriter:
 
     def _write_root(self, simulation: SimulationAttributes) -> None:
         """Write the root's attributes, without the index of all arrays, which would not know of a change."""
-        attributes = {**robot_attributes(self.spec), **asdict(simulation)}
-        if not self.path.exists():
-            staging = self._staging("root")
-            shutil.rmtree(staging, ignore_errors=True)
-            zarr.open_group(staging, mode="w", zarr_format=3).attrs.update(attributes)
-            staging.rename(self.path)
-        zarr.open_group(self.path, mode="a", zarr_format=3, use_consolidated=False).attrs.update(attributes)
-        metadata = json.loads((self.path / "zarr.json").read_text())
+        metadata = self._area.root_metadata() or {"zarr_format": 3, "node_type": "group", "attributes": {}}
+        metadata["attributes"].update({**robot_attributes(self.spec), **asdict(simulation)})
         metadata.pop("consolidated_metadata", None)
-        with atomic_file(self.path / "zarr.json") as temporary:
-            temporary.write_text(json.dumps(metadata, indent=2))
+        self._area.replace_root_metadata(metadata)
 
     def _write_index(self) -> None:
         """Write the index of all arrays into the root's metadata, the last thing to change."""
-        consolidate(self.path)
+        texts = {path.relative_to(self.path).as_posix(): path.read_bytes() for path in self.path.rglob("zarr.json")}
+        # In memory, since zarr's own way of writing a file would leave a part of it inside the store after a kill.
+        buffers = {name: Buffer.from_bytes(text) for name, text in texts.items()}
+        consolidate(MemoryStore(buffers))
+        self._area.replace_root_metadata(json.loads(buffers["zarr.json"].to_bytes()))
 
     def spool(self, motion: str) -> Path:
         """Return where rollouts of a motion may lie until they are written. What is left behind is removed later."""
-        return self._staging(f"spool-{motion}")
-
-    def _staging(self, motion: str) -> Path:
-        """Return where a motion is written before it is put in place, on the same file system as the store."""
-        return self.path.with_name(f".tmp-{self.path.name}-{motion}-{platform.node()}-{os.getpid()}")
-
-    def _put_in_place(self, staging: Path, final: Path) -> None:
-        """Rename a finished motion into the store."""
-        if final.exists():
-            old = self._staging(f"old-{final.name}")
-            final.rename(old)
-            staging.rename(final)
-            shutil.rmtree(old)
-        else:
-            staging.rename(final)
-
-    def _discard_leftovers(self) -> None:
-        """Remove what killed processes of this machine left beside the store."""
-        for leftover in self.path.parent.glob(f".tmp-{self.path.name}-*-{platform.node()}-*"):
-            pid = leftover.name.rpartition("-")[2]
-            if pid.isdigit() and not is_running(int(pid)):
-                shutil.rmtree(leftover, ignore_errors=True)
+        return self._area.folder("spool", motion)
 
     def _write_group(
         self,
@@ -217,17 +197,6 @@ class RejectedRollouts:
     rollouts: Rollouts
     reasons: Sequence[str]
     """Why, one text a rollout."""
-
-
-def is_running(pid: int) -> bool:
-    """Return whether a process of this machine exists."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
 
 
 def write_rollouts(group: zarr.Group, rollouts: Rollouts, dimension: str = "trajectory") -> None:
@@ -287,12 +256,12 @@ def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dt
     )
 
 
-def consolidate(folder: Path) -> None:
+def consolidate(group: Path | MemoryStore) -> None:
     """Put the metadata of all arrays below a group into its own, so that readers need one file and do not warn."""
     with warnings.catch_warnings():
         # Not in the Zarr 3 core specification yet; readers that do not know it read the arrays' own metadata.
         warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(str(folder), zarr_format=3)
+        zarr.consolidate_metadata(group, zarr_format=3)
 
 
 def write_labels(group: zarr.Group, name: str, labels: tuple[str, ...]) -> None:

@@ -3,6 +3,7 @@
 import shutil
 import time
 from collections import Counter
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -141,6 +142,7 @@ class Campaign:
         self.env = ImitationVecEnv(self.environment, fault_folder)
         self.actor = NoisyPolicy(self.env, record.preset, policy.latest_checkpoint(), config.seed)
         self.rounds: list[Round] = []
+        self._spools = ExitStack()
         self.tally = Tally()
 
     def __enter__(self) -> "Campaign":
@@ -149,6 +151,7 @@ class Campaign:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self._spools.__exit__(kind, error, traceback)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     @property
@@ -231,7 +234,7 @@ class Campaign:
         self.actor.generator.manual_seed(config.seed + 1_000_003 * number)
         draws = self._draws(number)
         noise = torch.from_numpy(draws["noise"][:, None]).to(self.actor.generator.device)
-        spool = RowSpool(self.folder / f"round-{number}")
+        spool = self._spools.enter_context(RowSpool(self.folder / f"round-{number}"))
         recorder = RolloutRecorder(environment, spool)
         warm_up = round(config.warm_up * environment.config.control_rate)
         total = warm_up + self.num_rows

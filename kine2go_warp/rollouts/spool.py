@@ -5,20 +5,22 @@ import shutil
 import threading
 import time
 from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 QUEUED_BLOCKS = 3
-"""Blocks that may wait to be written before the simulation waits, too: all that is ever in memory."""
+"""Blocks that may wait, besides the one that is being written, before the simulation waits, too."""
 
 
 class RowSpool:
     """Files of rows, one an array, in the order in which they were simulated: [num_rows, num_worlds, ...].
 
     A file is written once from its beginning to its end, which is what disks do best; a full disk is an error of the
-    writing thread, which the next hand-over or ``close`` raises.
+    writing thread, which the next hand-over or ``close`` raises. Use it as a context manager: the thread ends with it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -31,10 +33,20 @@ class RowSpool:
         self.num_bytes = 0
         """Bytes handed over."""
         self._layout: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
+        self._is_given_up = False
         self._queue: queue.Queue = queue.Queue(QUEUED_BLOCKS)
-        self._error: OSError | None = None
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._write, name="kine2go spool", daemon=True)
         self._thread.start()
+
+    def __enter__(self) -> "RowSpool":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._is_given_up = error is not None
+        self._end_thread()
 
     def hand_over(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
         """Queue some rows of all arrays, each of shape [num_rows, num_worlds, ...], in memory of the host.
@@ -58,8 +70,7 @@ class RowSpool:
             OSError: a block could not be written.
         """
         started = time.perf_counter()
-        self._queue.put(None)
-        self._thread.join()
+        self._end_thread()
         self.waited += time.perf_counter() - started
         self._raise_error()
 
@@ -79,29 +90,37 @@ class RowSpool:
         if self._error is not None:
             raise self._error
 
+    def _end_thread(self) -> None:
+        """Let the thread write what is queued and end."""
+        if self._thread.is_alive():
+            self._queue.put(None)
+            self._thread.join()
+
     def _write(self) -> None:
-        """Write blocks until told to end; after an error, drop them."""
-        files = {}
-        try:
-            while (item := self._queue.get()) is not None:
-                blocks, ready = item
-                if ready is not None:
-                    ready.synchronize()
-                for name, block in blocks.items():
-                    if self._error is not None:
-                        break
-                    values = block.numpy()
-                    if name not in files:
-                        files[name] = (self.folder / name).open("wb")
-                        self._layout[name] = (values.dtype, values.shape[1:])
-                    try:
-                        files[name].write(np.ascontiguousarray(values).data)
-                        self.num_bytes += values.nbytes
-                    except OSError as error:
-                        self._error = error
-        finally:
-            for file in files.values():
+        """Write blocks until told to end; after an error, drop them, so that nobody waits for a full queue."""
+        files: dict[str, BinaryIO] = {}
+        while (item := self._queue.get()) is not None:
+            if self._error is None and not self._is_given_up:
                 try:
-                    file.close()
-                except OSError as error:
-                    self._error = self._error or error
+                    self._write_block(files, *item)
+                except Exception as error:  # noqa: BLE001 - whatever it is, the simulation must hear of it
+                    self._error = error
+        for file in files.values():
+            try:
+                file.close()
+            except OSError as error:
+                self._error = self._error or error
+
+    def _write_block(
+        self, files: dict[str, BinaryIO], blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None
+    ) -> None:
+        """Append some rows to the file of each array."""
+        if ready is not None:
+            ready.synchronize()
+        for name, block in blocks.items():
+            values = block.numpy()
+            if name not in files:
+                files[name] = (self.folder / name).open("wb")
+                self._layout[name] = (values.dtype, values.shape[1:])
+            files[name].write(np.ascontiguousarray(values).data)
+            self.num_bytes += values.nbytes

@@ -143,7 +143,7 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
 
 
 def test_leftovers_of_a_killed_process_are_removed(store):
-    leftover = store.with_name(f".tmp-{store.name}-one-{platform.node()}-4194999")
+    leftover = store.with_name(f".tmp-{store.name}-{platform.node()}-4194999-new-one")
     leftover.mkdir()
     DatasetWriter(store, GO2)
     assert not leftover.exists()

@@ -1,0 +1,120 @@
+"""Rounds of rollouts: how many are run, which are kept, what differs between them."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray
+import zarr
+
+from kine2go_warp.dataset.checks.run import check_dataset
+from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.gather import gather
+from tests.conftest import ANYTHING_GOES
+from tests.dataset.helpers import files_of
+
+EVERYTHING = GatherConfig(trajectories=24, num_worlds=4, rows=24, warm_up=0.1, budget=2.0, **ANYTHING_GOES)
+"""Six rounds, of which nothing is rejected."""
+
+
+@pytest.fixture(scope="module")
+def everything(policy, tmp_path_factory):
+    path = tmp_path_factory.mktemp("campaign") / "everything" / "dataset.zarr"
+    gather(policy, DatasetWriter(path, GO2), EVERYTHING, "cpu")
+    return read_motion(path, "dog_trot").trajectories
+
+
+@pytest.fixture(scope="module")
+def strict(everything):
+    """Six are wanted; about every second rollout is good enough."""
+    limit = float(np.median(everything.groups["quality"]["joint_rmse"]))
+    return replace(EVERYTHING, trajectories=6, budget=4.0, max_joint_rmse=limit, keep_rejected=True)
+
+
+@pytest.fixture(scope="module")
+def with_rejected(policy, strict, tmp_path_factory):
+    path = tmp_path_factory.mktemp("rejected") / "dataset.zarr"
+    return gather(policy, DatasetWriter(path, GO2), strict, "cpu"), path
+
+
+def assert_same_rollouts(found, expected, chosen):
+    """Some rollouts, bit for bit."""
+    for name, values in expected.rows.items():
+        np.testing.assert_array_equal(found[name], values[chosen], err_msg=name)
+    for name, values in expected.draws.items():
+        np.testing.assert_array_equal(found[name], values[chosen], err_msg=name)
+
+
+def test_rounds_go_on_until_enough_are_accepted_which_are_the_first_good_ones(with_rejected, everything, strict):
+    result, path = with_rejected
+    good = np.flatnonzero(everything.groups["quality"]["joint_rmse"] <= np.float32(strict.max_joint_rmse))
+    num_run = 4 * (good[5] // 4 + 1)
+    assert 6 < num_run < 24, "more than a round is needed"
+    assert result.accepted == 6
+    assert_same_rollouts(zarr.open_group(path / "dog_trot", mode="r"), everything, good[:6])
+    assert result.rejected == {"joint_error": int(num_run - np.sum(good < num_run))}
+
+
+def test_rejected_rollouts_are_kept_with_their_reasons(with_rejected, everything, strict):
+    result, path = with_rejected
+    tree = xarray.open_datatree(path, engine="zarr")
+    rejected = tree["dog_trot/rejected"]
+    num_run = 4 * -(-int(np.flatnonzero(np.isin(everything.draws["seed"], rejected["seed"]))[-1] + 1) // 4)
+    bad = everything.groups["quality"]["joint_rmse"][:num_run] > np.float32(strict.max_joint_rmse)
+    assert rejected.sizes["rejected"] == bad.sum() == sum(result.rejected.values())
+    found = {name: rejected[name].values for name in (*everything.rows, *everything.draws)}
+    assert_same_rollouts(found, everything, np.flatnonzero(bad))
+    meanings = rejected["reason"].attrs["flag_meanings"].split()
+    assert Counter(meanings[number] for number in rejected["reason"].values) == result.rejected
+    np.testing.assert_array_equal(
+        rejected["quality/joint_rmse"].values, everything.groups["quality"]["joint_rmse"][np.flatnonzero(bad)]
+    )
+
+
+def test_a_dataset_with_rejected_rollouts_is_clean(with_rejected):
+    report = check_dataset(with_rejected[1], GO2)
+    assert report.is_clean, [str(finding) for finding in report.findings]
+
+
+def test_the_budget_ends_the_rounds_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):
+    second_best = float(np.sort(everything.groups["quality"]["joint_rmse"])[1])
+    config = replace(strict, max_joint_rmse=second_best * 1.0001, keep_rejected=False)
+    result = gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
+    assert (result.accepted, result.rejected) == (2, {"joint_error": 22})
+    assert "rejected" not in zarr.open_group(tmp_path / "dataset.zarr" / "dog_trot", mode="r")
+    assert [path.name for path in tmp_path.iterdir()] == ["dataset.zarr"]
+
+
+def test_noise_friction_mass_and_start_differ_and_are_stored(everything):
+    draws, randomization = everything.draws, everything.groups["randomization"]
+    for values in (draws["noise"], draws["heading"], draws["seed"], randomization["friction"],
+                   randomization["base_mass"]):  # fmt: skip
+        assert len(set(values.tolist())) == 24
+    for values, (least, greatest) in (
+        (draws["noise"], EVERYTHING.noise),
+        (randomization["friction"], EVERYTHING.randomization.friction),
+        (randomization["base_mass"], EVERYTHING.randomization.base_mass),
+    ):
+        assert least <= values.min() < values.max() <= greatest
+
+
+def test_more_noise_is_more_scatter_of_the_actions(everything):
+    spread = (everything.rows["action"] - everything.rows["action_mean"]).std(axis=(1, 2))
+    ratio = spread / everything.draws["noise"]
+    assert ratio.std() < 0.15 * ratio.mean()
+
+
+def test_two_runs_with_one_seed_write_the_same_bits(policy, strict, with_rejected, tmp_path):
+    gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), strict, "cpu")
+    assert files_of(tmp_path / "dataset.zarr") == files_of(with_rejected[1])
+
+
+def test_another_seed_gives_other_rollouts(policy, everything, tmp_path):
+    config = replace(EVERYTHING, trajectories=4, seed=2)
+    gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
+    other = read_motion(tmp_path / "dataset.zarr", "dog_trot").trajectories
+    assert not set(other.draws["seed"].tolist()) & set(everything.draws["seed"].tolist())

@@ -1,0 +1,156 @@
+"""Gathering loses nothing: not by a kill at any moment, not by a full disk."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kine2go_warp.cli.main import main
+from kine2go_warp.dataset.checks.run import check_dataset
+from kine2go_warp.dataset.staging import StagingArea
+from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.robots import GO2
+from tests.conftest import ANYTHING_GOES, REPOSITORY
+from tests.dataset.helpers import assert_it_is_complete, assert_it_opens, files_of, small_disk
+from tests.rollouts.gather_process import MOTIONS
+
+
+@pytest.fixture(scope="module")
+def policies(policy, tmp_path_factory):
+    """The policy under two names."""
+    folder = tmp_path_factory.mktemp("policies")
+    record = policy.read_record()
+    clip = policy.read_clips(record)[0]
+    for name in MOTIONS:
+        copy = PolicyFolder(Path(shutil.copytree(policy.path, folder / name)))
+        copy.write_record(replace(record, clips=copy.write_clips((replace(clip, name=name),))))
+    return folder
+
+
+class Gatherer:
+    """Gathers in children of a process of its own, which can be killed."""
+
+    def __init__(self, policies: Path, reference: Path) -> None:
+        command = [sys.executable, "-m", "tests.rollouts.gather_process", str(policies), str(reference)]
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdin=pipe, stdout=pipe, text=True)
+        assert self._line() == ["ready"]
+
+    def gather(self, store: Path, seed: int, kill_after: float | None = None) -> tuple[int, float]:
+        """Gather both motions into a store; returns exit status (-9 if it was killed) and time taken [s]."""
+        print(store, seed, file=self.process.stdin, flush=True)
+        child = int(self._line()[0])
+        if kill_after is not None:
+            time.sleep(kill_after)
+            # The child is not waited for before it is killed, or has ended: its number is not another's.
+            os.kill(child, signal.SIGKILL) if Path(f"/proc/{child}").exists() else None
+        status, seconds = self._line()
+        return int(status), float(seconds)
+
+    def _line(self) -> list[str]:
+        return self.process.stdout.readline().split()
+
+    def close(self) -> None:
+        self.process.stdin.close()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def kill_at_random_moments(policies: Path, folder: Path, kills: int) -> None:
+    """Kill gathering; every second time it replaces motions that were gathered with another seed."""
+    reference, older = folder / "reference" / "dataset.zarr", folder / "older" / "dataset.zarr"
+    gatherer = Gatherer(policies, reference)
+    assert gatherer.gather(older, 1)[0] == 0
+    again = folder / "again" / "dataset.zarr"
+    status, life = gatherer.gather(again, 0)
+    assert (status, files_of(again)) == (0, files_of(reference)), "undisturbed runs agree"
+    assert check_dataset(reference, GO2).is_clean
+    whole = {name: [files_of(path / name) for path in (reference, older)] for name in MOTIONS}
+    rng, landed = np.random.default_rng(0), Counter()
+    # Stratified: moments are random, and spread over the whole life.
+    for number, part in enumerate(rng.permutation(kills)):
+        store = folder / str(number) / "dataset.zarr"
+        if number % 2:
+            shutil.copytree(older, store)
+        status, _ = gatherer.gather(store, 0, kill_after=life * (part + rng.random()) / kills)
+        left = {one.kind for one in StagingArea(store).leftovers()}
+        landed[
+            "after the end" if not status else "writing" if left - {"spool"} else "gathering" if left else "other"
+        ] += 1
+        if store.exists():
+            names = assert_it_opens(store)
+            aside = {one.motion: one.folder for one in StagingArea(store).leftovers() if one.kind == "old"}
+            for name in MOTIONS if number % 2 else names:
+                assert files_of(store / name if name in names else aside[name]) in whole[name]
+            assert not names or check_dataset(store, GO2).is_clean
+        assert gatherer.gather(store, 0)[0] == 0
+        assert_it_is_complete(store, list(MOTIONS))
+        assert files_of(store) == files_of(reference), "the next run completes it with the same bits"
+        shutil.rmtree(store.parent)
+    gatherer.close()
+    print(f"{kills} kills over {life:.1f} s: {dict(landed)}")
+    assert landed["after the end"] <= kills // 2
+
+
+def test_gathering_that_is_killed_at_any_moment_loses_nothing(policies, tmp_path):
+    kill_at_random_moments(policies, tmp_path, 4)
+
+
+@pytest.mark.faults
+def test_gathering_that_is_killed_at_any_of_fifty_moments_loses_nothing(policies, tmp_path):
+    kill_at_random_moments(policies, tmp_path, 50)
+
+
+def arguments(policy: Path, store: Path) -> list[str]:
+    """The command that gathers a few short rollouts."""
+    limits = [text for name, value in ANYTHING_GOES.items() for text in (f"--{name.replace('_', '-')}", str(value))]
+    seed = str(MOTIONS.index(policy.name))
+    return ["gather", str(policy), "--out", str(store), "--device", "cpu", "--trajectories", "4", "--rows", "24",
+            "--seed", seed, *limits]  # fmt: skip
+
+
+def assert_it_says_that_the_disk_is_full(status: int, errors: str) -> None:
+    assert status == 2
+    assert len(errors.strip().splitlines()) == 1
+    assert "no space left on the disk; free some and run the same command again" in errors
+
+
+def test_a_full_disk_is_said_in_one_line_and_the_same_command_completes_later(policies, tmp_path, capfd):
+    with small_disk(tmp_path / "disk", 8) as disk:
+        store = disk.folder / "dataset.zarr"
+        first, second = (arguments(policies / name, store) for name in MOTIONS)
+        assert main(first) == 0
+        before = files_of(store / MOTIONS[0])
+        # Too little for the rows on their way, then for the motion as it is written.
+        for kilobytes in (40, 400):
+            disk.leave(kilobytes * 1024)
+            capfd.readouterr()
+            assert_it_says_that_the_disk_is_full(main(second), capfd.readouterr().err)
+            assert sorted(path.name for path in disk.folder.iterdir()) == ["dataset.zarr", "filler"]
+            assert assert_it_opens(store) == [MOTIONS[0]]
+            assert files_of(store / MOTIONS[0]) == before
+        disk.free()
+        assert main(second) == 0
+        assert_it_is_complete(store, list(MOTIONS))
+        assert check_dataset(store, GO2).is_clean
+
+
+@pytest.mark.parametrize(
+    "place", ["kine2go_warp.rollouts.spool.RowSpool._write_block", "kine2go_warp.dataset.writer.write_members"]
+)
+def test_an_error_of_the_disk_is_said_in_one_line_wherever_it_occurs(policies, tmp_path, capfd, monkeypatch, place):
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(place, fail)
+    status = main(arguments(policies / MOTIONS[0], tmp_path / "dataset.zarr"))
+    assert_it_says_that_the_disk_is_full(status, capfd.readouterr().err)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,187 @@
+"""The filter against made-up rollouts whose figures are known."""
+
+import numpy as np
+import pytest
+
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS
+from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.quality import BORDERLINE, LIMITS, judge
+
+ROWS, FRAME = 20, 1.0 / 60.0
+CONFIG = GatherConfig()
+
+
+def perfect(count=1):
+    """Rollouts that stand in the default pose, exactly where the reference is."""
+
+    def still(*values):
+        return np.tile(np.array(values, dtype=np.float32), (count, ROWS, 1))
+
+    links = np.zeros((count, ROWS, 16, 3), np.float32)
+    links[:, :, 12:, 2] = -0.2
+    pose = still(*GO2.default_joint_position)
+    return {
+        "root_position": still(0, 0, 0.3),
+        "reference_root_position": still(0, 0, 0.3),
+        "root_orientation": still(1, 0, 0, 0),
+        "reference_root_orientation": still(1, 0, 0, 0),
+        "joint_position": pose,
+        "reference_joint_position": pose.copy(),
+        "joint_target": pose.copy(),
+        "joint_velocity": np.zeros_like(pose),
+        "joint_torque": np.zeros_like(pose),
+        "link_position": links,
+        "link_linear_velocity": np.zeros_like(links),
+        "reference_foot_position": links[:, :, 12:].copy(),
+        "foot_contact_force": np.tile(np.float32([0, 0, 40]), (count, ROWS, 4, 1)),
+        "leg_contact": np.zeros((count, ROWS), np.float32),
+    }
+
+
+def too_far(rows, one=0):
+    rows["root_position"][one, 7, 0] = 0.6
+
+
+def turned(rows, one=0):
+    rows["root_orientation"][one, 7] = (np.cos(0.5), 0, 0, np.sin(0.5))
+
+
+def joints_off(rows, one=0):
+    rows["reference_joint_position"][one] += 0.3
+
+
+def on_its_legs(rows, one=0):
+    rows["leg_contact"][one, 3] = 1.0
+
+
+def at_a_limit(rows, one=0):
+    shift = GO2.joint_lower[2] - rows["joint_position"][one, :, 2]
+    rows["joint_position"][one, :, 2] += shift
+    rows["reference_joint_position"][one, :, 2] += shift
+
+
+def saturated_torque(rows, one=0):
+    rows["joint_torque"][one, :, 3:5] = -np.float32(GO2.joint_effort)[3:5]
+
+
+def targets_beyond_limits(rows, one=0):
+    rows["joint_target"][one, :, 6:9] = np.float32(GO2.joint_upper)[6:9] + 0.1
+
+
+def slipping(rows, one=0):
+    rows["link_linear_velocity"][one, :, :, 0] = 0.5
+
+
+def shaking(rows, one=0):
+    rows["joint_velocity"][one] = 3.0 * (-1.0) ** np.arange(ROWS)[:, None]
+
+
+FAULTS = {
+    "distance": (too_far, 0.6),
+    "rotation": (turned, 1.0),
+    "joint_error": (joints_off, 0.3),
+    "leg_contact": (on_its_legs, 1 / 20),
+    "joint_limit": (at_a_limit, 1 / 12),
+    "torque_saturation": (saturated_torque, 2 / 12),
+    "action_saturation": (targets_beyond_limits, 3 / 12),
+    "foot_slip": (slipping, 0.5),
+    "jerk": (shaking, 4 * 3.0 * 60.0**2),
+}
+"""What spoils a rollout, and its figure by hand, in the order in which the limits are looked at."""
+
+
+def judged(rows, failures=None, config=CONFIG):
+    count = len(rows["leg_contact"])
+    return judge(rows, np.zeros(count, int) if failures is None else np.array(failures), config, FRAME, GO2)
+
+
+def test_a_perfect_rollout_is_accepted_without_doubt():
+    verdict = judged(perfect())
+    assert verdict.reasons == ("",)
+    assert verdict.accepted.tolist() == [True]
+    assert verdict.quality["doubt"] == pytest.approx(0.0, abs=1e-6)
+    assert set(verdict.quality) == {array.name for array in QUALITY_ARRAYS}
+
+
+@pytest.mark.parametrize("reason", FAULTS)
+def test_each_limit_rejects_for_its_own_reason_and_no_other_rollout(reason):
+    spoil, expected = FAULTS[reason]
+    rows = perfect(3)
+    spoil(rows, 1)
+    verdict = judged(rows)
+    assert verdict.reasons == ("", reason, "")
+    name, setting = next((name, setting) for name, setting, why in LIMITS if why == reason)
+    assert verdict.quality[name][1] == pytest.approx(expected, rel=1e-4)
+    assert verdict.quality["doubt"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
+
+
+@pytest.mark.parametrize("first", range(len(FAULTS)))
+def test_of_several_faults_the_first_in_order_counts(first):
+    rows = perfect()
+    for spoil, _ in list(FAULTS.values())[first:]:
+        spoil(rows)
+    assert judged(rows).reasons == (list(FAULTS)[first],)
+
+
+def test_every_limit_has_a_fault_here_in_the_same_order():
+    assert [reason for _, _, reason in LIMITS] == list(FAULTS)
+
+
+def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():
+    rows = perfect(2)
+    rows["leg_contact"][0, 3], rows["leg_contact"][1, 3:5] = 1.0, 1.0
+    config = GatherConfig(max_leg_contact=float(np.float32(1 / 20)))
+    assert judged(rows, config=config).reasons == ("", "leg_contact")
+
+
+def test_doubt_is_the_largest_share_of_a_limit():
+    rows = perfect(3)
+    rows["root_position"][0, 7, 1] = 0.45  # 0.9 of 0.5 m
+    rows["reference_joint_position"][0] += 0.15  # 0.6 of 0.25 rad
+    rows["link_linear_velocity"][1, :, :, 1] = 0.3  # 0.75 of 0.4 m/s
+    rows["root_position"][2, 7, 1] = 0.1  # 0.2 of 0.5 m
+    verdict = judged(rows)
+    np.testing.assert_allclose(verdict.quality["doubt"], (0.9, 0.75, 0.2), rtol=1e-5)
+    assert verdict.accepted.all()
+    assert (verdict.quality["doubt"] > BORDERLINE).tolist() == [True, False, False]
+
+
+def test_rows_beyond_the_end_do_not_count():
+    rows = perfect(2)
+    for spoil in (too_far, turned, joints_off, shaking):
+        spoil(rows)
+    whole = judged({name: values[:, :6] for name, values in rows.items()})
+    for values in rows.values():
+        values[:, 6:] = np.nan
+    verdict = judged(rows)
+    assert verdict.reasons == ("joint_error", "")
+    for name, values in verdict.quality.items():
+        np.testing.assert_allclose(values, whole.quality[name], rtol=1e-6, err_msg=name)
+
+
+def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
+    rows = perfect(2)
+    for values in rows.values():
+        values[1] = np.nan
+    verdict = judged(rows, [0, REASON_NAMES.index("body_contact")])
+    assert verdict.reasons == ("", "body_contact")
+    assert np.isnan(verdict.quality["doubt"][1])
+    assert verdict.quality["doubt"][0] == pytest.approx(0.0, abs=1e-6)
+    assert not list(recwarn)
+
+
+def test_figures_that_are_not_numbers_are_never_accepted():
+    rows = perfect()
+    rows["joint_torque"][:] = np.nan
+    assert judged(rows).reasons == ("torque_saturation",)
+
+
+@pytest.mark.parametrize("failure", [number for number, name in enumerate(REASON_NAMES) if name != "none"])
+def test_a_failure_of_the_simulation_comes_before_every_limit(failure):
+    rows = perfect()
+    for spoil, _ in FAULTS.values():
+        spoil(rows)
+    assert judged(rows, [failure]).reasons == (REASON_NAMES[failure],)
+    assert judged(perfect(), [failure]).reasons == (REASON_NAMES[failure],)
