@@ -1,31 +1,28 @@
 """Behaviour cloning: learn a policy from a dataset alone, then let it walk beside the policy that made the data.
 
-    uv run python examples/behaviour_cloning.py runs/demo/dataset.zarr runs/demo/policies/dog_trot
-
 What the clone sees depends neither on absolute place nor on heading. ``observe`` computes it from rows of the dataset;
 in the environment it is the environment's own observation, number by number the same. See docs/behaviour_cloning.md.
 """
 
+import itertools
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
 import tyro
 import warp as wp
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from tensordict import TensorDict
 from torch import Tensor, nn
 
 from kine2go_warp.cli.main import report
-from kine2go_warp.dataset import Dataset, compute_statistics, load_rows, open_dataset
+from kine2go_warp.dataset import OBSERVATION_ARRAYS, Dataset, compute_statistics, load_rows, open_dataset
 from kine2go_warp.dataset.statistics import moments_of
-from kine2go_warp.dataset.torch_windows import WindowLoader
+from kine2go_warp.dataset.torch_windows import Batch, WindowLoader
 from kine2go_warp.device import start_warp
 from kine2go_warp.env.config import ActionConfig, EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
@@ -38,20 +35,14 @@ from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.replay import environment_config
 from kine2go_warp.scores.statistics import estimate_share
 
-ROOT = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity")
 REFERENCE = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
-ARRAYS = (*ROOT, "joint_position", "joint_velocity", *REFERENCE, "action", "action_mean")
+ARRAYS = (*OBSERVATION_ARRAYS, "root_position", *REFERENCE, "action_mean")
 HISTORY = 3
-"""States that the clone sees, the present one included, each with the action before it. An action takes 20 ms to reach
-the motors, longer than a row, so the present state alone does not tell what is on its way."""
+"""States that the clone sees, each with the action before it: an action takes 20 ms, longer than a row, to act."""
 AHEAD = (1, 2, 10)
 """Rows from now whose reference the clone sees."""
-NOW = HISTORY
-"""Place of the present row in a window: one more row is needed before the oldest state, for its action."""
-WINDOW = NOW + 1 + max(AHEAD)
-
-Rows = dict[str, Tensor]
-"""Windows of the dataset: arrays by name, each of shape [batch, WINDOW, ...]."""
+NOW, WINDOW = HISTORY, HISTORY + 1 + max(AHEAD)
+"""Place of the present row in a window, with a row before the oldest state for its action; and length of a window."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +54,12 @@ class Settings:
     policy: tyro.conf.Positional[Path]
     """Folder of the policy that it was gathered from; its clip is the reference."""
     trajectories: int | None = None
-    """Use the first so many trajectories of the motion; by default all."""
+    """Train on the first so many of those left for training; by default on all of them."""
     validation: float = 0.1
-    """Share of the trajectories that is kept from the training."""
-    batches: int = 3000
+    """Share of the motion's trajectories that is kept from the training, the same ones however many are trained on."""
+    batches: int = 2000
     batch_size: int = 512
-    learning_rate: float = 1e-3
-    """At the beginning; it falls to zero along a cosine."""
-    hidden: tuple[int, ...] = (256, 256)
-    """Widths of the clone's layers."""
+    hidden_layers: tuple[int, ...] = (256, 256)
     worlds: int = 64
     """Rollouts of each policy in the comparison."""
     duration: float = 10.0
@@ -81,17 +69,23 @@ class Settings:
     json: Path | None = None
     """Write the figures here, too."""
 
+    def __post_init__(self) -> None:
+        if min(self.batches, self.worlds, self.duration) <= 0 or (
+            self.trajectories is not None and self.trajectories < 1
+        ):
+            raise Kine2GoError("trajectories, batches, worlds and duration must be positive")
+
 
 def rotation_matrix(orientation: Tensor) -> Tensor:
     """Return rotation matrices, shape [..., 3, 3], of quaternions (w, x, y, z)."""
     w, x, y, z = orientation.unbind(-1)
-    first = torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], dim=-1)
-    second = torch.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], dim=-1)
-    third = torch.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], dim=-1)
-    return torch.stack([first, second, third], dim=-2)
+    first = (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y))
+    second = (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x))
+    third = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+    return torch.stack([*first, *second, *third], dim=-1).unflatten(-1, (3, 3))
 
 
-def observe(window: Rows) -> Tensor:
+def observe(window: Batch) -> Tensor:
     """Return what the robot can know at row ``NOW`` of each window, shape [batch, 198].
 
     The order is that of the environment's observation: states from new to old (direction of gravity, linear and angular
@@ -124,88 +118,67 @@ class Clone(nn.Module):
         super().__init__()
         action = compute_statistics(dataset, ["action_mean"])["action_mean"]
         seen = moments_of(observe(loader.gather(torch.from_numpy(loader.starts[::16]))).numpy())
-        for name, one in (("input", seen), ("action", action)):
-            self.register_buffer(f"{name}_mean", torch.from_numpy(one.mean).float())
-            self.register_buffer(f"{name}_deviation", torch.from_numpy(one.std).float().clamp(min=1e-3))
+        self.input_mean, self.action_mean = (torch.from_numpy(one.mean).float() for one in (seen, action))
+        deviations = (torch.from_numpy(one.std).float().clamp(min=1e-3) for one in (seen, action))
+        self.input_deviation, self.action_deviation = deviations
         widths = [len(seen.mean), *hidden]
         layers = [part for width in zip(widths, hidden, strict=False) for part in (nn.Linear(*width), nn.ELU())]
         self.layers = nn.Sequential(*layers, nn.Linear(widths[-1], len(action.mean)))
 
-    def normalised(self, observation: Tensor) -> Tensor:
-        """Return the action in standard deviations of the dataset's actions."""
-        # A clamp, since the first observations of an episode are unlike anything in the data.
-        return self.layers(((observation - self.input_mean) / self.input_deviation).clamp(-5.0, 5.0))
-
     def forward(self, observation: Tensor) -> Tensor:
         """Return the action, shape [batch, 12]."""
-        return self.action_mean + self.action_deviation * self.normalised(observation)
+        # A clamp, since the first observations of an episode are unlike anything in the data.
+        normalised = ((observation - self.input_mean) / self.input_deviation).clamp(-5.0, 5.0)
+        return self.action_mean + self.action_deviation * self.layers(normalised)
 
-    def loss(self, window: Rows) -> Tensor:
-        """Return the mean squared error in normalised units.
-
-        The target is the mean of the policy's distribution. The sampled action is the same plus noise that nobody can
-        foretell, which the clone would only have to average away; but the noise that has been is seen in ``before``.
-        """
-        target = (window["action_mean"][:, NOW] - self.action_mean) / self.action_deviation
-        return nn.functional.mse_loss(self.normalised(observe(window)), target)
-
-
-def endless(loader: WindowLoader) -> Iterator[Rows]:
-    """Yield batches, epoch after epoch."""
-    while True:
-        yield from loader
+    def loss(self, window: Batch) -> Tensor:
+        """Return the mean squared error in standard deviations of the dataset's actions."""
+        # ``action`` is this mean plus noise that nobody can foretell. Earlier noise, however, is seen in the input.
+        error = self(observe(window)) - window["action_mean"][:, NOW]
+        return (error / self.action_deviation).square().mean()
 
 
-@torch.no_grad()
-def mean_loss(clone: Clone, loader: WindowLoader) -> float:
-    """Return the loss over all windows."""
-    losses = [(clone.loss(window).item(), len(window["action"])) for window in loader]
-    return sum(loss * count for loss, count in losses) / sum(count for _, count in losses)
-
-
-def train(dataset: Dataset, settings: Settings) -> tuple[Clone, list[float]]:
-    """Train on a part of the trajectories; return the clone, and its loss on the others before and after."""
+def train(training: Dataset, validation: Dataset, settings: Settings) -> tuple[Clone, tuple[float, float]]:
+    """Train on some trajectories; return the clone, and its loss on others before and after."""
     torch.manual_seed(settings.seed)
-    training, validation = dataset.split(settings.validation)
     loader = WindowLoader(load_rows(training, ARRAYS), WINDOW, settings.batch_size, settings.seed)
-    held_out = WindowLoader(load_rows(validation, ARRAYS), WINDOW, 2048, shuffle=False, drop_last=False)
-    clone = Clone(training, loader, settings.hidden)
-    optimiser = torch.optim.AdamW(clone.parameters(), settings.learning_rate, weight_decay=1e-3)
+    others = WindowLoader(load_rows(validation, ARRAYS), WINDOW, batch_size=1)
+    held_out = others.gather(torch.from_numpy(others.starts))
+    clone = Clone(training, loader, settings.hidden_layers)
+    optimiser = torch.optim.AdamW(clone.parameters(), lr=1e-3, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.batches)
-    losses, batches = [mean_loss(clone, held_out)], endless(loader)
-    for _ in progress(settings.batches, "training"):
+    before = clone.loss(held_out).item()
+    batches = itertools.islice(itertools.chain.from_iterable(itertools.repeat(loader)), settings.batches)
+    for window in track(batches, "training", settings.batches, transient=True, disable=not sys.stdout.isatty()):
         optimiser.zero_grad()
-        clone.loss(next(batches)).backward()
+        clone.loss(window).backward()
         optimiser.step()
         schedule.step()
-    return clone, [*losses, mean_loss(clone, held_out)]
+    return clone, (before, clone.loss(held_out).item())
 
 
 @dataclass(frozen=True)
 class Figures:
-    """How one policy did in the environment."""
+    """How one policy did: root mean square joint error [rad] and mean root error [m], until a world first fails."""
 
     policy: str
     rollouts: int
     survival: tuple[float, float, float]
     """Share of the rollouts that lasted, and its 95 % interval."""
     joint_rmse: float
-    """Root mean square error of the joint positions until a fall [rad]."""
     root_error: float
-    """Mean distance of the root from its reference until a fall [m]."""
 
 
 def walk(name: str, env: ImitationVecEnv, act: Callable[[TensorDict], Tensor], warm_up: int, rows: int) -> Figures:
-    """Let a policy act in all worlds. A world counts until it fails for the first time."""
-    environment = env.environment
+    """Let a policy act in all worlds from the beginning of their episodes on, and measure after the warm-up."""
+    joint_q, reference = wp.to_torch(env.environment.robot.joint_q), env.environment.reference
     standing = torch.ones(env.num_envs, dtype=torch.bool)
     joint_errors, root_errors = [], []
     observation = env.get_observations()
-    for row in progress(warm_up + rows, name):
+    for row in track(range(warm_up + rows), name, transient=True, disable=not sys.stdout.isatty()):
         observation, *_ = env.step(act(observation))
         standing &= env.buffers.reason == 0
         if row >= warm_up:
-            reference, joint_q = environment.reference, wp.to_torch(environment.robot.joint_q)
             joint_errors.append((joint_q[:, 7:] - wp.to_torch(reference.joint_position))[standing] ** 2)
             root_errors.append((joint_q[:, :3] - wp.to_torch(reference.root)[:, :3])[standing].norm(dim=-1))
     share = estimate_share([standing.numpy()])
@@ -213,19 +186,19 @@ def walk(name: str, env: ImitationVecEnv, act: Callable[[TensorDict], Tensor], w
     return Figures(name, share.count, (share.value, share.low, share.high), rmse, error)
 
 
-def compare(clone: Clone, policy: PolicyFolder, gathered_in: EnvConfig, attributes: dict, settings: Settings) -> list:
+def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dict, settings: Settings) -> list[Figures]:
     """Let original and clone walk in the same new worlds, drawn as those of the dataset; return their figures."""
-    record = policy.read_record()
-    warm_up, rows = (round(time * gathered_in.control_rate) for time in (attributes["warm_up"], settings.duration))
-    episode_time = (warm_up + rows + 2) / gathered_in.control_rate
-    config = replace(gathered_in, num_worlds=settings.worlds, seed=settings.seed, episode_time=episode_time)
+    warm_up, rows = (round(time * config.control_rate) for time in (gathered["warm_up"], settings.duration))
+    config = replace(config, num_worlds=settings.worlds, seed=settings.seed)
+    config = replace(config, episode_time=(warm_up + rows + 2) / config.control_rate)
     # The output of this form is the dataset's action, so the environment's last output is the action before.
     action = ActionConfig("default_pose", GO2.action_scale, latency=config.action.latency)
     for_clone = replace(config, action=action, history_length=HISTORY, steps_ahead=AHEAD)
-    clips = policy.read_clips(record)[:1]
-    env, clone_env = (ImitationVecEnv(ImitationEnvironment(clips, one, "cpu")) for one in (config, for_clone))
+    record = policy.read_record()
+    environments = (ImitationEnvironment(policy.read_clips(record)[:1], one, "cpu") for one in (config, for_clone))
+    env, clone_env = (ImitationVecEnv(environment) for environment in environments)
     original = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), settings.seed)
-    noise = torch.linspace(*attributes["noise"], settings.worlds)[:, None]
+    noise = torch.linspace(*gathered["noise"], steps=settings.worlds)[:, None]
     figures = [walk("original", env, lambda seen: original(seen, 0.0)[0], warm_up, rows)]
     env.environment.restart(settings.seed)
     figures += [walk("original with noise", env, lambda seen: original(seen, noise)[1], warm_up, rows)]
@@ -233,18 +206,8 @@ def compare(clone: Clone, policy: PolicyFolder, gathered_in: EnvConfig, attribut
         return [*figures, walk("clone", clone_env, lambda seen: clone(seen["policy"]), warm_up, rows)]
 
 
-def progress(steps: int, name: str) -> Iterator[int]:
-    """Count with a bar on a terminal."""
-    console = Console(stderr=True)
-    yield from track(range(steps), name, console=console, transient=True, disable=not console.is_terminal)
-
-
 def run(settings: Settings) -> None:
-    """Train, compare, print and save.
-
-    Raises:
-        Kine2GoError: the dataset or the policy cannot be used, or they do not belong together.
-    """
+    """Train, compare, print and save; a Kine2GoError is raised where dataset and policy do not fit."""
     start_warp()
     torch.set_num_threads(1)
     policy, dataset = PolicyFolder(settings.policy), open_dataset(settings.dataset)
@@ -252,26 +215,25 @@ def run(settings: Settings) -> None:
     attributes = dataset.motion(name).attributes
     if attributes.get("policy_sha256") != policy.checkpoint_hash():
         raise DatasetError(f"{settings.dataset}/{name}: was not gathered from the policy in {settings.policy}")
-    gathered_in = environment_config(attributes, f"{settings.dataset}/{name}")
-    count = settings.trajectories
-    dataset = dataset.select([name], where=lambda one: count is None or one.index < count)
+    config = environment_config(attributes, f"{settings.dataset}/{name}")
+    training, validation = dataset.select([name]).split(settings.validation)
+    chosen = training.references[: settings.trajectories]
+    training = training.select(where=lambda one: one in chosen)
     started = time.perf_counter()
-    clone, losses = train(dataset, settings)
+    clone, losses = train(training, validation, settings)
     seconds = time.perf_counter() - started
-    figures = compare(clone, policy, gathered_in, attributes["gather_settings"], settings)
+    figures = compare(clone, policy, config, attributes["gather_settings"], settings)
 
-    used = f"{len(dataset.references)} trajectories, {dataset.num_rows} rows"
-    print(f"{used}: validation loss {losses[0]:.3f} -> {losses[1]:.4f} in {seconds:.0f} s")
-    table = Table(title=f"{name}: {settings.worlds} rollouts of {settings.duration:g} s each", title_justify="left")
-    for heading in ("policy", "survival (95 %)", r"joint RMSE \[rad]", r"root error \[cm]"):
-        table.add_column(heading, justify="left" if heading == "policy" else "right")
+    trained = f"validation loss {losses[0]:.3f} -> {losses[1]:.4f} in {seconds:.0f} s"
+    print(f"{len(chosen)} trajectories, {training.num_rows} rows: {trained}")
+    print(f"{name}, {settings.worlds} rollouts of {settings.duration:g} s each:")
+    print(f"{'policy':20} {'survival (95 %)':>16} {'joint RMSE':>11} {'root error':>11}")
     for one in figures:
-        share, low, high = (f"{100 * value:.0f}" for value in one.survival)
-        table.add_row(one.policy, f"{share} % ({low}-{high})", f"{one.joint_rmse:.4f}", f"{100 * one.root_error:.1f}")
-    Console().print(table)
+        survival = "{:.0%} ({:.0%}-{:.0%})".format(*one.survival)
+        print(f"{one.policy:20} {survival:>16} {one.joint_rmse:7.4f} rad {100 * one.root_error:8.1f} cm")
     if settings.json is not None:
-        values = {"trajectories": len(dataset.references), "rows": dataset.num_rows, "seconds": seconds}
-        values |= {"validation_loss": losses, "policies": [asdict(one) for one in figures]}
+        values = {"trajectories": len(chosen), "rows": training.num_rows, "seconds": seconds, "losses": losses}
+        values["policies"] = [asdict(one) for one in figures]
         with atomic_file(settings.json) as temporary:
             temporary.write_text(json.dumps(values, indent=2) + "\n")
 
