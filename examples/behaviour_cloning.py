@@ -223,7 +223,6 @@ def run(settings: Settings) -> None:
     clone, losses = train(training, validation, settings)
     seconds = time.perf_counter() - started
     figures = compare(clone, policy, config, attributes["gather_settings"], settings)
-
     trained = f"validation loss {losses[0]:.3f} -> {losses[1]:.4f} in {seconds:.0f} s"
     print(f"{len(chosen)} trajectories, {training.num_rows} rows: {trained}")
     print(f"{name}, {settings.worlds} rollouts of {settings.duration:g} s each:")
