@@ -101,7 +101,7 @@ def test_a_perfect_rollout_is_accepted_without_doubt():
     verdict = judged(perfect())
     assert verdict.reasons == ("",)
     assert verdict.accepted.tolist() == [True]
-    assert verdict.quality["doubt"] == pytest.approx(0.0, abs=1e-6)
+    assert verdict.quality["limit_share"] == pytest.approx(0.0, abs=1e-6)
     assert set(verdict.quality) == {array.name for array in QUALITY_ARRAYS}
 
 
@@ -114,7 +114,7 @@ def test_each_limit_rejects_for_its_own_reason_and_no_other_rollout(reason):
     assert verdict.reasons == ("", reason, "")
     name, setting = next((name, setting) for name, setting, why in LIMITS if why == reason)
     assert verdict.quality[name][1] == pytest.approx(expected, rel=1e-4)
-    assert verdict.quality["doubt"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
+    assert verdict.quality["limit_share"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
 
 
 @pytest.mark.parametrize("first", range(len(FAULTS)))
@@ -143,9 +143,9 @@ def test_doubt_is_the_largest_share_of_a_limit():
     rows["link_linear_velocity"][1, :, :, 1] = 0.3  # 0.75 of 0.4 m/s
     rows["root_position"][2, 7, 1] = 0.1  # 0.2 of 0.5 m
     verdict = judged(rows)
-    np.testing.assert_allclose(verdict.quality["doubt"], (0.9, 0.75, 0.2), rtol=1e-5)
+    np.testing.assert_allclose(verdict.quality["limit_share"], (0.9, 0.75, 0.2), rtol=1e-5)
     assert verdict.accepted.all()
-    assert (verdict.quality["doubt"] > BORDERLINE).tolist() == [True, False, False]
+    assert (verdict.quality["limit_share"] > BORDERLINE).tolist() == [True, False, False]
 
 
 def test_rows_beyond_the_end_do_not_count():
@@ -167,8 +167,8 @@ def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
         values[1] = np.nan
     verdict = judged(rows, [0, REASON_NAMES.index("body_contact")])
     assert verdict.reasons == ("", "body_contact")
-    assert np.isnan(verdict.quality["doubt"][1])
-    assert verdict.quality["doubt"][0] == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(verdict.quality["limit_share"][1])
+    assert verdict.quality["limit_share"][0] == pytest.approx(0.0, abs=1e-6)
     assert not list(recwarn)
 
 
