@@ -155,7 +155,7 @@ class DatasetWriter:
         texts = {path.relative_to(self.path).as_posix(): path.read_bytes() for path in self.path.rglob("zarr.json")}
         # In memory, since zarr's own way of writing a file would leave a part of it inside the store after a kill.
         buffers = {name: Buffer.from_bytes(text) for name, text in texts.items()}
-        consolidate(MemoryStore(buffers))
+        consolidate(MemoryStore(buffers))  # pyright: ignore[reportArgumentType] - invariant in zarr
         self._area.replace_root_metadata(json.loads(buffers["zarr.json"].to_bytes()))
 
     def spool(self, motion: str) -> Path:
