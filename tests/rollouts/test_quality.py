@@ -53,7 +53,7 @@ def joints_off(rows, one=0):
 
 
 def on_its_legs(rows, one=0):
-    rows["leg_contact"][one, 3] = 1.0
+    rows["leg_contact"][one, 3:8] = 1.0
 
 
 def at_a_limit(rows, one=0):
@@ -82,7 +82,7 @@ FAULTS = {
     "distance": (too_far, 0.6),
     "rotation": (turned, 1.0),
     "joint_error": (joints_off, 0.3),
-    "leg_contact": (on_its_legs, 1 / 20),
+    "leg_contact": (on_its_legs, 5 / 20),
     "joint_limit": (at_a_limit, 1 / 12),
     "torque_saturation": (saturated_torque, 2 / 12),
     "action_saturation": (targets_beyond_limits, 3 / 12),
@@ -142,7 +142,7 @@ def test_doubt_is_the_largest_share_of_a_limit():
     rows["reference_joint_position"][0] += 0.15  # 0.6 of 0.25 rad
     rows["link_linear_velocity"][1, :, :, 1] = 0.3  # 0.75 of 0.4 m/s
     rows["root_position"][2, 7, 1] = 0.1  # 0.2 of 0.5 m
-    verdict = judged(rows)
+    verdict = judged(rows, config=GatherConfig(max_distance=0.5, max_joint_rmse=0.25, max_foot_slip=0.4))
     np.testing.assert_allclose(verdict.quality["limit_share"], (0.9, 0.75, 0.2), rtol=1e-5)
     assert verdict.accepted.all()
     assert (verdict.quality["limit_share"] > BORDERLINE).tolist() == [True, False, False]
