@@ -255,8 +255,7 @@ class Campaign:
             survived += (failure == 0).int()
             if (step + 1) % STEPS_BETWEEN_LOOKS == 0:
                 if on_progress is not None:
-                    rounded = self.num_accepted + (step + 1) / total
-                    on_progress(int(rounded), config.trajectories, self.details())
+                    on_progress(self.num_accepted, config.trajectories, self.details())
                 if step > warm_up and bool((failure > 0).all()):
                     break
         recorder.finish()

@@ -2,9 +2,24 @@
 
 import numpy as np
 
-from kine2go_warp.env.config import ResetConfig
+from kine2go_warp.env.config import RandomizationConfig, ResetConfig
 
 STILL = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+EVERYTHING = RandomizationConfig(
+    base_mass=(-1.0, 2.0),
+    base_com=(-0.02, 0.02),
+    friction=(0.4, 1.2),
+    stiffness=(0.8, 1.2),
+    damping=(0.8, 1.2),
+    strength=(0.9, 1.1),
+    motor_offset=(-0.02, 0.02),
+    latency=(0.0, 0.03),
+    push_interval=(0.2, 0.6),
+    push_speed=(0.1, 0.5),
+)
+"""Every range that can be drawn."""
 
 
 def snapshot(environment):

@@ -11,8 +11,7 @@ from kine2go_warp.env.faults import StrictStepper, fault_counts
 from kine2go_warp.env.snapshot import WorldSnapshot
 from kine2go_warp.errors import Kine2GoError, SimulationError
 from kine2go_warp.kernels.terminations import REASON_NAMES
-from tests.env.helpers import drive
-from tests.env.test_graph import EVERYTHING
+from tests.env.helpers import EVERYTHING, drive
 
 
 @pytest.fixture(scope="module")

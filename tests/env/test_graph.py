@@ -7,22 +7,9 @@ import pytest
 import torch
 import warp as wp
 
-from kine2go_warp.env.config import PhaseSamplingConfig, RandomizationConfig
+from kine2go_warp.env.config import PhaseSamplingConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from tests.env.helpers import assert_same_bits, drive, snapshot
-
-EVERYTHING = RandomizationConfig(
-    base_mass=(-1.0, 2.0),
-    base_com=(-0.02, 0.02),
-    friction=(0.4, 1.2),
-    stiffness=(0.8, 1.2),
-    damping=(0.8, 1.2),
-    strength=(0.9, 1.1),
-    motor_offset=(-0.02, 0.02),
-    latency=(0.0, 0.03),
-    push_interval=(0.2, 0.6),
-    push_speed=(0.1, 0.5),
-)
+from tests.env.helpers import EVERYTHING, assert_same_bits, drive, snapshot
 
 
 def test_the_captured_graph_equals_eager_execution_bit_for_bit_over_500_steps_with_resets(clip, small_config):

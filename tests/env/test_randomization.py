@@ -7,8 +7,7 @@ from kine2go_warp.env.config import RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.randomization import DRAWN_QUANTITIES
 from kine2go_warp.errors import Kine2GoError
-from tests.env.helpers import STILL, drive
-from tests.env.test_graph import EVERYTHING
+from tests.env.helpers import EVERYTHING, STILL, drive
 
 
 @pytest.fixture(scope="module")

@@ -14,19 +14,9 @@ from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.replay import replay_motion
 from tests.conftest import ANYTHING_GOES
+from tests.env.helpers import EVERYTHING
 
-WILD = RandomizationConfig(
-    base_mass=(-1.0, 2.0),
-    base_com=(-0.02, 0.02),
-    friction=(0.4, 1.2),
-    stiffness=(0.8, 1.2),
-    damping=(0.8, 1.2),
-    strength=(0.9, 1.1),
-    motor_offset=(-0.02, 0.02),
-    latency=(0.0, 0.03),
-    push_interval=(0.2, 0.6),
-    push_speed=(0.1, 0.3),
-)
+WILD = replace(EVERYTHING, push_speed=(0.1, 0.3))
 
 
 @pytest.fixture(scope="module")

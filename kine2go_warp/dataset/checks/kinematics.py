@@ -1,7 +1,6 @@
 """Checks of links and contacts against forward kinematics and the floor."""
 
 from collections.abc import Callable
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,6 @@ from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.rotations import matrices, turned
 from kine2go_warp.dataset.checks.statistics import largest, mean
-from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions, link_positions
 
 Array = NDArray[np.float64]
@@ -97,13 +95,8 @@ def weight_error(block: Block) -> Array:
     """
     vertical = block["foot_contact_force"][..., 2].sum(axis=-1)
     rows = (~np.isnan(vertical)).sum(axis=-1)
-    error = np.abs(mean(vertical, 1) / (mass(block.spec) * GRAVITY) - 1.0)
+    error = np.abs(mean(vertical, 1) / (block.spec.mass * GRAVITY) - 1.0)
     return np.where(rows >= SHORTEST_WEIGHING, error, np.nan)
-
-
-def mass(spec: RobotSpec) -> float:
-    """Return the mass of the whole robot [kg]."""
-    return sum(float(one.attrib["value"]) for one in ElementTree.parse(spec.urdf).getroot().iter("mass"))
 
 
 FORCE = ("foot_contact_force",)
