@@ -1,5 +1,7 @@
 """Errors that a user can act on. The command line prints them as one line and exits with status 2."""
 
+import errno
+
 
 class Kine2GoError(Exception):
     """Base of all errors caused by the input, the settings or the machine rather than by a defect in this package."""
@@ -15,6 +17,10 @@ class CatalogueError(Kine2GoError):
 
 class RecipeError(Kine2GoError):
     """A recipe file holds an unknown key, a wrong type or an impossible value."""
+
+
+class PipelineError(Kine2GoError):
+    """A run of a recipe cannot begin or go on: its folder is in use, or its artefacts cannot be read."""
 
 
 class PolicyError(Kine2GoError):
@@ -39,3 +45,13 @@ class RenderError(Kine2GoError):
 
 class RecordingError(Kine2GoError):
     """A recording cannot be made or shown as asked."""
+
+
+def explain(error: OSError) -> str:
+    """Return what went wrong with a file, and what to do."""
+    where = f"{error.filename}: " if error.filename else ""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"{where}no space left on the disk; free some and run the same command again, nothing finished is lost"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"{where}no permission to write or read here; choose another folder"
+    return f"{where}{error.strerror or error}"

@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -38,6 +39,19 @@ def flush_folder(folder: Path) -> None:
     for path in folder.rglob("*"):
         if path.is_file():
             flush_to_disk(path)
+
+
+def link_or_copy(source: str, target: str) -> None:
+    """Give a file that nobody changes a second name, or copy it where the file system cannot."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
+def same_bytes(one: Path, other: Path) -> bool:
+    """Return whether two files are both there and equal."""
+    return one.is_file() and other.is_file() and one.read_bytes() == other.read_bytes()
 
 
 def sha256_of(path: Path) -> str:

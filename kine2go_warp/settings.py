@@ -2,8 +2,9 @@
 
 import hashlib
 import json
-from dataclasses import asdict
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, fields, is_dataclass
+from typing import Any, TypeVar, get_type_hints
 
 import dacite
 
@@ -18,7 +19,11 @@ def to_dictionary(settings: Any) -> dict[str, Any]:
 
 
 def from_dictionary(
-    kind: type[Settings], values: dict[str, Any], where: str, error: type[Kine2GoError] = Kine2GoError
+    kind: type[Settings],
+    values: dict[str, Any],
+    where: str,
+    error: type[Kine2GoError] = Kine2GoError,
+    locate: Callable[[str], str] = lambda _: "",
 ) -> Settings:
     """Build settings from nested dictionaries.
 
@@ -27,19 +32,33 @@ def from_dictionary(
         values: Its fields.
         where: Name of the file, for the message.
         error: Type of error to raise.
+        locate: Returns what is to be said after ``where`` of the place of a key, such as ``train.seed``; of an empty
+            key, that of all of them.
 
     Raises:
         Kine2GoError: a key is unknown or missing, or a value is of the wrong type; the message names it.
     """
+    unknown = sorted(unknown_keys(kind, values))
+    if unknown:
+        raise error(f"{where}{locate(unknown[0])}: unknown key(s): {', '.join(unknown)}")
     config = dacite.Config(strict=True, type_hooks={float: _as_float, tuple: tuple}, cast=[tuple])
     try:
         return dacite.from_dict(kind, values, config)
-    except dacite.UnexpectedDataError as problem:
-        raise error(f"{where}: unknown key(s): {', '.join(sorted(problem.keys))}") from None
     except dacite.DaciteFieldError as problem:
-        raise error(f"{where}: {problem}") from None
-    except (TypeError, ValueError, Kine2GoError) as problem:
-        raise error(f"{where}: {problem}") from None
+        raise error(f"{where}{locate(problem.field_path or '')}: {problem}") from None
+    except (TypeError, ValueError, Kine2GoError, dacite.DaciteError) as problem:
+        raise error(f"{where}{locate('')}: {problem}") from None
+
+
+def unknown_keys(kind: type, values: dict[str, Any], path: str = "") -> Iterator[str]:
+    """Yield the keys of nested dictionaries that settings do not have, such as ``train.itertions``."""
+    types = get_type_hints(kind)
+    known = {field.name for field in fields(kind)}
+    for name, value in values.items():
+        if name not in known:
+            yield f"{path}{name}"
+        elif is_dataclass(types[name]) and isinstance(value, dict):
+            yield from unknown_keys(types[name], value, f"{path}{name}.")  # pyright: ignore[reportArgumentType]
 
 
 def content_hash(*parts: Any) -> str:

@@ -1,68 +1,62 @@
-"""Takes the motions of a recipe through all stages, skipping what is already there."""
+"""Takes the motions of a recipe through all stages, several at once, and starts only what is missing."""
 
 import json
-from dataclasses import dataclass
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.errors import ClipError, Kine2GoError
+from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.files import atomic_file
-from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.learning.train import train
-from kine2go_warp.motions.catalogue import CatalogueEntry, motion_named
-from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.machine import machine
+from kine2go_warp.pipelines.engines.base import Engine
+from kine2go_warp.pipelines.events import Event, EventKind, RunObserver
+from kine2go_warp.pipelines.job import Job, ProgressNote, read_progress
+from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.recipe import Recipe
-from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.gather import GatherResult, gather
+from kine2go_warp.pipelines.worker import MotionLog, Outcome
+from kine2go_warp.pipelines.workspace import Workspace
+from kine2go_warp.revision import revision
 from kine2go_warp.settings import to_dictionary
+
+POLL = 0.5
+"""How often is looked at what the stages tell [s]."""
+ATTEMPTS = 3
+"""How often a stage is started whose worker dies."""
 
 
 @dataclass(frozen=True)
-class Workspace:
-    """Where the results of a run lie."""
+class Failure:
+    """Why a motion has no complete results."""
 
-    root: Path
-
-    @property
-    def dataset(self) -> Path:
-        """The Zarr store."""
-        return self.root / "dataset.zarr"
-
-    def clip(self, motion: str) -> Path:
-        """The retargeted clip of a motion."""
-        return self.root / "clips" / f"{motion}.npz"
-
-    def policy(self, motion: str) -> Path:
-        """The policy folder of a motion."""
-        return self.root / "policies" / motion
-
-    def recording(self, motion: str) -> Path:
-        """The Rerun recording of a motion."""
-        return self.root / "recordings" / f"{motion}.rrd"
-
-
-class RunObserver:
-    """Is told how a run goes. This one does not listen; the command line's shows progress."""
-
-    def stage(self, motion: str, stage: str) -> None:
-        """A stage of a motion begins."""
-
-    def advanced(self, done: int, total: int, detail: str) -> None:
-        """The present stage has done some of its steps."""
-
-    def finished(self, motion: str, result: GatherResult) -> None:
-        """All stages of a motion are done."""
-
-    def failed(self, motion: str, error: Kine2GoError) -> None:
-        """A motion ended with an error; the others go on."""
+    stage: str
+    why: str
+    log: Path
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of a run's motions."""
+    """What became of a run's motions, each by name."""
 
-    finished: tuple[GatherResult, ...]
-    failed: tuple[str, ...]
+    finished: tuple[str, ...]
+    failed: dict[str, Failure]
+    stopped: tuple[str, ...]
+    """Those that the run left unfinished because it was asked to end."""
+
+
+def jobs_of(recipe: Recipe, workspace: Workspace, data_folder: Path | None, device: str) -> list[Job]:
+    """Return a job for each motion of a recipe.
+
+    Raises:
+        CatalogueError: a motion is not in the catalogue, or needs a data folder and there is none.
+    """
+    root = Workspace(workspace.root.absolute())
+    folder = data_folder.absolute() if data_folder is not None else None
+    jobs = [Job(motion, recipe, root, folder, device) for motion in dict.fromkeys(recipe.motions)]
+    for job in jobs:
+        job.entry.path(folder)
+    return jobs
 
 
 class RecipeRunner:
@@ -73,87 +67,173 @@ class RecipeRunner:
         recipe: Recipe,
         workspace: Workspace,
         data_folder: Path | None,
-        device: str | None = None,
+        engine: Engine,
         observer: RunObserver | None = None,
+        should_stop: Callable[[], bool] = lambda: False,
     ) -> None:
         """Check that every motion is known, before anything is written.
+
+        Args:
+            recipe: What to do.
+            workspace: Where.
+            data_folder: Folder of the source clips.
+            engine: Runs the stages; it is closed at the end of ``run``.
+            observer: Is told what happens.
+            should_stop: Looked at now and then; once true, trainings write a checkpoint and the run ends.
 
         Raises:
             CatalogueError: a motion is not in the catalogue, or needs a data folder and there is none.
         """
-        self.recipe, self.workspace, self.data_folder, self.device = recipe, workspace, data_folder, device
-        self.observer = observer or RunObserver()
-        self.entries = [motion_named(name) for name in recipe.motions]
-        for entry in self.entries:
-            entry.path(data_folder)
+        self.recipe, self.engine, self.observer = recipe, engine, observer or RunObserver()
+        self.jobs = {job.motion: job for job in jobs_of(recipe, workspace, data_folder, engine.device)}
+        self.workspace = Workspace(workspace.root.absolute())
+        self._should_stop = should_stop
+        self._queue = deque(self.jobs)
+        self._running: dict[str, tuple[str, ProgressNote | None]] = {}
+        self._deaths: dict[tuple[str, str], int] = {}
+        self._finished: list[str] = []
+        self._failed: dict[str, Failure] = {}
+        self._stopped: list[str] = []
 
     def run(self) -> RunResult:
-        """Take every motion through all stages. A motion that fails does not stop the others."""
-        self.workspace.root.mkdir(parents=True, exist_ok=True)
-        with atomic_file(self.workspace.root / "recipe.json") as temporary:
-            temporary.write_text(json.dumps(to_dictionary(self.recipe), indent=2) + "\n")
-        finished, failed = [], []
-        for entry in self.entries:
-            try:
-                result = self._run_motion(entry)
-            except Kine2GoError as error:
-                failed.append(entry.name)
-                self.observer.failed(entry.name, error)
-            else:
-                finished.append(result)
-                self.observer.finished(entry.name, result)
-        return RunResult(tuple(finished), tuple(failed))
+        """Take every motion through all stages. A motion that fails does not stop the others.
 
-    def _run_motion(self, entry: CatalogueEntry) -> GatherResult:
-        """Take one motion through all stages."""
-        clip = self._retarget(entry)
-        self.observer.stage(entry.name, "train")
-        train(
-            [clip],
-            self.recipe.train,
-            self.workspace.policy(entry.name),
-            self.device,
-            overwrite=True,
-            on_progress=lambda progress: self.observer.advanced(
-                progress.iteration, progress.total_iterations, str(progress)
-            ),
-        )
-        self.observer.stage(entry.name, "gather")
-        writer = DatasetWriter(self.workspace.dataset, GO2)
-        result = gather(
-            PolicyFolder(self.workspace.policy(entry.name)),
-            writer,
-            self.recipe.gather,
-            self.device,
-            on_progress=self.observer.advanced,
-        )
-        self._record(entry.name)
+        Raises:
+            PipelineError: another run works in the same folder.
+        """
+        started = time.monotonic()
+        with self.workspace.locked():
+            try:
+                self._begin()
+                while self._queue or self._running:
+                    self._step()
+            finally:
+                self.engine.close()
+                self.workspace.stop_file.unlink(missing_ok=True)
+        result = RunResult(tuple(self._finished), dict(self._failed), tuple(self._stopped))
+        counts = {"finished": len(result.finished), "failed": len(result.failed), "stopped": len(result.stopped)}
+        self._tell("run_finished", seconds=time.monotonic() - started, figures=counts)
         return result
 
-    def _retarget(self, entry: CatalogueEntry) -> MotionClip:
-        """Retarget a motion. It takes a moment, so it is done each time and written if it changed."""
-        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-        from kine2go_warp.motions.retarget import retarget
+    def _begin(self) -> None:
+        """Write down what is run, and clear what an earlier run has left."""
+        self.workspace.stop_file.parent.mkdir(parents=True, exist_ok=True)
+        self.workspace.stop_file.unlink(missing_ok=True)
+        record = {
+            "recipe": to_dictionary(self.recipe),
+            "engine": self.engine.name,
+            "software_revision": revision(),
+            "machine": machine(self.engine.device),
+        }
+        with atomic_file(self.workspace.record) as temporary:
+            temporary.write_text(json.dumps(record, indent=2) + "\n")
+        for motion in self.jobs:
+            self.workspace.progress(motion).unlink(missing_ok=True)
+        self._tell("run_started", detail=self.recipe.name, figures={"motions": len(self.jobs)})
 
-        self.observer.stage(entry.name, "retarget")
-        clip = retarget(entry, self.data_folder, InverseKinematics(GO2), self.recipe.retarget).clip
-        path = self.workspace.clip(entry.name)
+    def _step(self) -> None:
+        """Start what can be started, and take in what has ended."""
+        if self._should_stop() and not self.workspace.stop_file.exists():
+            self.workspace.stop_file.touch()
+            self._tell("run_stopping")
+            while self._queue:
+                self._stop(self._queue.popleft(), "")
+        while self._queue and self.engine.has_room():
+            self._start(self._queue.popleft())
+        for outcome in self.engine.wait(POLL):
+            self._settle(outcome)
+        self._pass_on_progress()
+
+    def _start(self, motion: str) -> None:
+        """Show what is done of a motion and start its next stage, if there is one."""
+        job, stage, done = self.jobs[motion], "", []
         try:
-            is_same = path.is_file() and MotionClip.load(path).content_hash() == clip.content_hash()
-        except ClipError:
-            is_same = False
-        if not is_same:
-            clip.save(path)
-        return clip
+            for one in plan(job):
+                stage = one.stage.name
+                if one.state == "next":
+                    self._tell("stage_started", motion, stage, one.why)
+                    self._running[motion] = (stage, None)
+                    self.engine.start(job, stage)
+                    return
+                if one.artefact is not None:
+                    done.append(one)
+                    one.stage.show(job, one.artefact)
+        except Kine2GoError as error:
+            self._fail(motion, stage or "retarget", str(error))
+        except OSError as error:
+            self._fail(motion, stage or "retarget", explain(error))
+        else:
+            self._finish(motion, done)
 
-    def _record(self, motion: str) -> None:
-        """Write the recording of a motion, unless it shows the same rollouts already."""
-        from kine2go_warp.dataset.motion import Motion
-        from kine2go_warp.recordings.motion import Style
-        from kine2go_warp.recordings.shelf import Shelf
+    def _settle(self, outcome: Outcome) -> None:
+        """Decide how a motion goes on."""
+        motion = outcome.motion
+        stage = outcome.stage or self._running[motion][0]
+        del self._running[motion]
+        self.workspace.progress(motion).unlink(missing_ok=True)
+        if outcome.state == "failed":
+            self._fail(motion, stage, outcome.why)
+        elif outcome.state == "stopped" or self.workspace.stop_file.exists():
+            self._stop(motion, stage)
+        elif outcome.state == "done":
+            self._tell("stage_finished", motion, stage, seconds=outcome.seconds)
+            # In front, so that one motion is complete before the next begins.
+            self._queue.appendleft(motion)
+        else:
+            self._try_again(motion, stage, outcome.why)
 
-        if self.recipe.record.trajectories == 0:
-            return
-        folder = self.workspace.recording(motion).parent
-        shelf = Shelf(folder, Style(self.recipe.record.trajectories), overwrite=True)
-        shelf.put(Motion(self.workspace.dataset, motion), lambda: self.observer.stage(motion, "record"))
+    def _try_again(self, motion: str, stage: str, why: str) -> None:
+        """Start a stage again whose worker has died, unless it kills every worker."""
+        deaths = self._deaths[motion, stage] = self._deaths.get((motion, stage), 0) + 1
+        MotionLog(self.workspace.log(motion)).write(f"{stage}: {why}; death {deaths}")
+        self._tell("worker_died", motion, stage, why)
+        if deaths < ATTEMPTS:
+            self._queue.appendleft(motion)
+        else:
+            self._fail(motion, stage, f"its worker died {deaths} times, last: {why}")
+
+    def _fail(self, motion: str, stage: str, why: str) -> None:
+        """Note why a motion failed."""
+        failure = Failure(stage, why, self.workspace.log(motion))
+        self._failed[motion] = failure
+        MotionLog(failure.log).write(f"{stage} failed for good: {why}")
+        with atomic_file(self.workspace.failure(motion)) as temporary:
+            temporary.write_text(json.dumps({"stage": stage, "why": why, "log": str(failure.log)}) + "\n")
+        self._tell("motion_failed", motion, stage, f"{why} (log: {failure.log})")
+
+    def _stop(self, motion: str, stage: str) -> None:
+        """Leave a motion unfinished."""
+        self._stopped.append(motion)
+        self._tell("motion_stopped", motion, stage)
+
+    def _finish(self, motion: str, done: list[StagePlan]) -> None:
+        """Note that all stages of a motion are done."""
+        self._finished.append(motion)
+        self.workspace.failure(motion).unlink(missing_ok=True)
+        figures = {name: value for one in done if one.artefact for name, value in one.artefact.record.figures.items()}
+        self._tell("motion_finished", motion, figures=figures)
+
+    def _pass_on_progress(self) -> None:
+        """Tell how far the stages are that have come farther."""
+        for motion, (stage, known) in self._running.items():
+            note = read_progress(self.workspace.progress(motion))
+            if note is None or note.stage != stage or note == known:
+                continue
+            self._running[motion] = (stage, note)
+            self.observer.tell(
+                Event(
+                    "progress",
+                    motion,
+                    stage,
+                    note.detail,
+                    note.done,
+                    note.total,
+                    note.seconds,
+                    note.seconds_left,
+                    note.figures,
+                )
+            )
+
+    def _tell(self, kind: EventKind, motion: str = "", stage: str = "", detail: str = "", **rest: object) -> None:
+        """Tell the observer of an event."""
+        self.observer.tell(replace(Event(kind, motion, stage, detail), **rest))  # pyright: ignore[reportArgumentType]

@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "revision"}
+LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "interruption", "machine", "revision"}
 
 ALLOWED = {
     "kernels": {"kernels"},
@@ -24,7 +24,7 @@ ALLOWED = {
     "scores": {"scores", "dataset", "robots"},
     "renders": {"renders", "dataset", "robots"},
     "reports": {"reports", "renders", "scores", "dataset", "robots"},
-    "pipelines": {"pipelines", "recordings", "rollouts", "dataset", "learning", "motions", "robots"},
+    "pipelines": {"pipelines", "recordings", "scores", "rollouts", "dataset", "learning", "motions", "robots"},
     "bench": {"bench", "rollouts", "dataset", "learning", "env", "motions", "robots"},
     "cli": {
         "cli",

@@ -1,18 +1,13 @@
 """A figure measured several times, and the machine that it was measured on."""
 
-import importlib.metadata
-import platform
 import statistics
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from kine2go_warp.device import start_warp
-
-PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "zarr")
+from kine2go_warp.machine import machine
 
 
 @dataclass(frozen=True)
@@ -71,31 +66,6 @@ def timed(action: Callable[[], object], synchronise: Callable[[], object] = lamb
     action()
     synchronise()
     return time.perf_counter() - start
-
-
-def machine(device: str) -> dict[str, str]:
-    """Return the names of processor and device, the versions of all that counts, and the date."""
-    import warp as wp
-
-    start_warp()
-    found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return {**found, "date": datetime.now(UTC).strftime("%Y-%m-%d")}
-
-
-def processor_name() -> str:
-    """Return the name of the processor, as far as the system tells."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def resident_memory() -> float:

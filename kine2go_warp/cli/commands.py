@@ -1,8 +1,7 @@
 """The commands: what each one takes, and what it does."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
 
 import tyro
 
@@ -11,8 +10,6 @@ from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.rollouts.config import GatherConfig
 
 Positional = tyro.conf.Positional
-
-Config = TypeVar("Config", TrainConfig, GatherConfig)
 
 
 def limit_threads() -> None:
@@ -108,64 +105,6 @@ class Gather:
 
 
 @dataclass(frozen=True)
-class Run:
-    """Take the motions of a recipe through all stages: retarget, train, gather, record."""
-
-    recipe: Positional[Path]
-    """A TOML file, or the name of a bundled recipe."""
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    out: Path | None = None
-    """Folder for the results; by default runs/NAME of the recipe."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
-    iterations: int | None = None
-    """PPO iterations, instead of the recipe's."""
-    trajectories: int | None = None
-    """Rollouts of each motion, instead of the recipe's."""
-    rows: int | None = None
-    """Rows of a trajectory, instead of the recipe's."""
-    seed: int | None = None
-    """Seed of training and gathering, instead of the recipe's."""
-
-    def run(self) -> int:
-        """Run the recipe with a progress bar and print a table of the data written."""
-        from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.cli.tables import print_summaries
-        from kine2go_warp.dataset.summary import summarise_motion
-        from kine2go_warp.pipelines.recipe import load_recipe
-        from kine2go_warp.pipelines.runner import RecipeRunner, Workspace
-
-        recipe = load_recipe(self.recipe)
-        training = {"iterations": self.iterations, "seed": self.seed}
-        gathering = {"trajectories": self.trajectories, "rows": self.rows, "seed": self.seed}
-        recipe = replace(recipe, train=overridden(recipe.train, training), gather=overridden(recipe.gather, gathering))
-        folder = data_folder(self.data)
-        workspace = Workspace(self.out or Path("runs") / recipe.name)
-        limit_threads()
-        with Progress() as progress:
-            result = RecipeRunner(recipe, workspace, folder, self.device, progress).run()
-        if result.finished:
-            summaries = [summarise_motion(workspace.dataset, motion.motion) for motion in result.finished]
-            print_summaries(summaries, workspace.dataset, workspace.root / "recordings")
-        return 2 if result.failed else 0
-
-
-@dataclass(frozen=True)
-class Demo:
-    """Run the whole pipeline on the bundled clip, in minutes and without any data of your own."""
-
-    out: Path = Path("runs/demo")
-    """Folder for the results."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
-
-    def run(self) -> int:
-        """Run the recipe ``demo``."""
-        return Run(recipe=Path("demo"), out=self.out, device=self.device).run()
-
-
-@dataclass(frozen=True)
 class Doctor:
     """Show versions, devices and which motions can be used here."""
 
@@ -180,8 +119,3 @@ class Doctor:
         print_machine()
         print_motions(list(load_catalogue().values()), data_folder(self.data))
         return 0
-
-
-def overridden(config: Config, values: dict[str, int | None]) -> Config:
-    """Return settings with those values that are given."""
-    return replace(config, **{name: value for name, value in values.items() if value is not None})

@@ -1,6 +1,5 @@
 """Parses the command line, and turns errors into one line and an exit status."""
 
-import errno
 import sys
 from collections.abc import Sequence
 from typing import Annotated
@@ -9,7 +8,7 @@ import tyro
 
 from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
-from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
+from kine2go_warp.cli.commands import Doctor, Gather, Train
 from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
 from kine2go_warp.cli.quality_command import Quality
@@ -17,8 +16,9 @@ from kine2go_warp.cli.render_command import Render
 from kine2go_warp.cli.replay_command import Replay
 from kine2go_warp.cli.report_command import Report
 from kine2go_warp.cli.review_command import Review
+from kine2go_warp.cli.run_command import Demo, Run, Status
 from kine2go_warp.cli.score_command import Score
-from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.errors import Kine2GoError, explain
 
 Command = (
     Annotated[Retarget, tyro.conf.subcommand("retarget")]
@@ -28,6 +28,7 @@ Command = (
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Status, tyro.conf.subcommand("status")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Review, tyro.conf.subcommand("review")]
@@ -74,16 +75,6 @@ def report(message: str) -> int:
     """Print an error in one line and return the exit status."""
     print(f"kine2go: error: {' '.join(message.split())}", file=sys.stderr)
     return USER_ERROR
-
-
-def explain(error: OSError) -> str:
-    """Return what went wrong with a file, and what to do."""
-    where = f"{error.filename}: " if error.filename else ""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{where}no space left on the disk; free some and run the same command again, nothing finished is lost"
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return f"{where}no permission to write or read here; choose another folder"
-    return f"{where}{error.strerror or error}"
 
 
 def entry_point() -> None:

@@ -7,10 +7,6 @@ import rich.progress
 from rich.console import Console
 from rich.table import Column
 
-from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.pipelines.runner import RunObserver
-from kine2go_warp.rollouts.gather import GatherResult
-
 PLAIN_INTERVAL = 10.0
 """Least time between two plain lines of one stage [s]."""
 
@@ -18,7 +14,7 @@ FIRST_TIME_NOTES = {"train": "preparing (kernels compile once, for a minute)"}
 """What to show where a stage may be silent for long."""
 
 
-class Progress(RunObserver):
+class Progress:
     """Shows one line a stage. Use it as a context manager."""
 
     def __init__(self) -> None:
@@ -65,18 +61,6 @@ class Progress(RunObserver):
             if done == total or now - self.last_line >= PLAIN_INTERVAL:
                 self.last_line = now
                 self.console.print(f"{self.label}: {done}/{total}  {detail}".rstrip(), highlight=False)
-
-    def finished(self, motion: str, result: GatherResult) -> None:
-        """All stages of a motion are done."""
-        self._complete()
-        rejected = ", ".join(f"{count} {reason}" for reason, count in result.rejected.items())
-        note = f" (rejected: {rejected})" if rejected else ""
-        self.console.print(f"{motion}: {result.accepted} rollouts accepted{note}", highlight=False)
-
-    def failed(self, motion: str, error: Kine2GoError) -> None:
-        """A motion ended with an error; the others go on."""
-        self._complete()
-        self.console.print(f"kine2go: error: {motion}: {error}", highlight=False, soft_wrap=True)
 
     def _complete(self) -> None:
         """Fill the bar of the stage that ends."""

@@ -156,7 +156,7 @@ def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTarg
 
 def print_bench(report: "BenchReport") -> None:
     """Print what a benchmark has found, and where."""
-    from kine2go_warp.bench.measurement import machine
+    from kine2go_warp.machine import machine
 
     settings = ", ".join(f"{value:,} {name}" for name, value in report.settings.items())
     table = Table(title=f"{report.stage} on {report.device}: {settings}", title_justify="left")

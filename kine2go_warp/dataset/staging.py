@@ -62,6 +62,12 @@ class StagingArea:
         old.rename(junk)
         shutil.rmtree(junk)
 
+    def remove(self, motion: str) -> None:
+        """Take a motion out of the store."""
+        junk = self.folder("junk", motion)
+        (self.store / motion).rename(junk)
+        shutil.rmtree(junk)
+
     def root_metadata(self) -> dict[str, Any]:
         """Return what the root's file says, nothing if there is no store yet."""
         file = self.store / "zarr.json"

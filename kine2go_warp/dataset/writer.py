@@ -4,7 +4,7 @@ import json
 import shutil
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from kine2go_warp.dataset.schema import (
 from kine2go_warp.dataset.staging import StagingArea
 from kine2go_warp.dataset.trajectories import Rollouts, padded
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import flush_folder
+from kine2go_warp.files import flush_folder, link_or_copy, same_bytes
 from kine2go_warp.revision import revision
 from kine2go_warp.robots import RobotSpec
 
@@ -118,6 +118,41 @@ class DatasetWriter:
         frame_duration = 1.0 / simulation.control_frequency
         try:
             self._write_group(staging, trajectories, frame_duration, attributes, rejected)
+            flush_folder(staging)
+            self._write_root(simulation)
+            self._area.put_in_place(motion)
+            self._write_index()
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+
+    def adopt(self, source: Path, motion: str, replaceable: Sequence[str] = ()) -> None:
+        """Take a motion over from another store, sharing its files where the file system can.
+
+        Args:
+            source: The other store, on which nobody writes any more.
+            motion: The motion; one of that name that is not the same is replaced.
+            replaceable: Motions that may be removed if they were simulated otherwise than this one.
+
+        Raises:
+            DatasetError: the dataset holds other motions that were simulated otherwise.
+        """
+        if same_bytes(source / motion / "zarr.json", self.path / motion / "zarr.json"):
+            return
+        root = zarr.open_group(source, mode="r").attrs
+        simulation = SimulationAttributes(**{field.name: root[field.name] for field in fields(SimulationAttributes)})  # pyright: ignore[reportArgumentType]
+        others = set(self.motions()) - {motion}
+        try:
+            self.check(motion, simulation)
+        except DatasetError:
+            if not others <= set(replaceable):
+                raise
+            self._write_root(simulation)
+            for other in sorted(others):
+                self._area.remove(other)
+        staging = self._area.folder("new", motion)
+        shutil.rmtree(staging, ignore_errors=True)
+        try:
+            shutil.copytree(source / motion, staging, copy_function=link_or_copy)
             flush_folder(staging)
             self._write_root(simulation)
             self._area.put_in_place(motion)

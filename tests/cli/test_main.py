@@ -11,7 +11,8 @@ import sys
 import pytest
 
 from kine2go_warp.cli.data import DATA_VARIABLE
-from kine2go_warp.cli.main import explain, main
+from kine2go_warp.cli.main import main
+from kine2go_warp.errors import explain
 from tests.conftest import ANYTHING_GOES
 
 KINE2GO = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]

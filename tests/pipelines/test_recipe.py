@@ -15,19 +15,37 @@ def test_bundled_recipes_are_valid_and_found_by_name(path):
     assert set(recipe.motions) <= set(load_catalogue())
 
 
+def test_the_recipes_of_the_paper_hold_its_motions():
+    catalogue = load_catalogue()
+    papers = {name for name, entry in catalogue.items() if not entry.bundled}
+    assert set(load_recipe(Path("kine2go")).motions) == papers
+    assert len(papers) == 40
+    assert set(load_recipe(Path("sample")).motions) == {name for name in papers if catalogue[name].sample}
+
+
+def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():
+    motions = [load_catalogue()[name] for name in load_recipe(Path("smoke")).motions]
+    collections = {entry.collection for entry in load_catalogue().values()} - {"solo8"}
+    assert {entry.collection for entry in motions} == collections
+    assert len(motions) == len(collections)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("name = 'a'", "motions"),
-        ("name = 'a'\nmotions = []", "'motions' is empty"),
-        ("name = 'a'\nmotions = ['dog_trot']\nspeed = 3", "unknown key.*speed"),
-        ("name = 'a'\nmotions = ['dog_trot']\n[train]\nitertions = 3", "unknown key.*itertions"),
-        ("name = 'a'\nmotions = ['dog_trot']\n[gather]\nrows = 'many'", "gather.rows"),
-        ("name = 'a'\nmotions = ['dog_trot']\n[gather]\nrows = 1", "rows at least 2"),
-        ("name = ", "cannot be read as TOML"),
+        ("name = 'a'\nmotions = []", "line 2: 'motions' is empty"),
+        ("name = '../a'\nmotions = ['dog_trot']", "line 1: name '../a' is no name of a folder"),
+        ("name = 'a'\nmotions = ['dog_trot']\nspeed = 3", "line 3: unknown key.*speed"),
+        ("name = 'a'\nmotions = ['dog_trot']\n[train]\nitertions = 3", r"line 4, \[train\]: unknown key.*itertions"),
+        ("name = 'a'\nmotions = ['dog_trot']\n[train]\nseed = 1\n[gather]\nrows = 'many'", r"line 6, \[gather\].*rows"),
+        ("name = 'a'\nmotions = ['dog_trot']\n[gather]\nrows = 1", r"line 3, \[gather\]:.*rows at least 2"),
+        ("name = 'a'\nmotions = ['b']\n[gather.randomization]\nfrction = [1, 2]", "unknown key.*randomization.frction"),
+        ("name = 'a'\nmotions = ['dog_trot']\n[record]\ntrajectories = 'all'", "line 4.*record.trajectories"),
+        ("name = 'a'\nmotions =\n", "cannot be read as TOML.*line 2"),
     ],
-)
-def test_a_wrong_recipe_is_refused_with_file_and_key(tmp_path, text, message):
+)  # fmt: skip
+def test_a_wrong_recipe_is_refused_with_file_line_and_key(tmp_path, text, message):
     path = tmp_path / "recipe.toml"
     path.write_text(text)
     with pytest.raises(RecipeError, match=message) as error:
@@ -36,5 +54,27 @@ def test_a_wrong_recipe_is_refused_with_file_and_key(tmp_path, text, message):
 
 
 def test_a_missing_recipe_lists_the_bundled_ones():
-    with pytest.raises(RecipeError, match="bundled ones are: demo, smoke"):
+    with pytest.raises(RecipeError, match="bundled ones are: demo, kine2go, sample, smoke"):
         load_recipe(Path("nothing"))
+
+
+def test_settings_can_be_replaced_one_by_one():
+    recipe = load_recipe(Path("demo"), ["train.preset=paper", "gather.noise=[0.1, 0.2]", "record.trajectories=0"])
+    assert recipe.train.preset == "paper"
+    assert recipe.gather.noise == (0.1, 0.2)
+    assert recipe.record.trajectories == 0
+    assert recipe.motions == load_recipe(Path("demo")).motions
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("train.seed", "expected KEY=VALUE"),
+        ("train.sed=1", "--set.*unknown key.*sed"),
+        ("train.seed=many", r"--set.*\[train\].*seed"),
+        ("name.part=1", "'name' is not a section"),
+    ],
+)
+def test_a_wrong_replacement_is_refused(override, message):
+    with pytest.raises(RecipeError, match=message):
+        load_recipe(Path("demo"), [override])

@@ -1,0 +1,192 @@
+"""The commands that run recipes, and the one that shows how far they are."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import tyro
+
+from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import data_folder
+from kine2go_warp.errors import PipelineError
+from kine2go_warp.learning.config import TrainConfig
+from kine2go_warp.rollouts.config import GatherConfig
+
+if TYPE_CHECKING:
+    from kine2go_warp.pipelines.engines.base import Engine
+    from kine2go_warp.pipelines.recipe import Recipe
+    from kine2go_warp.pipelines.runner import RunResult
+    from kine2go_warp.pipelines.workspace import Workspace
+
+Positional = tyro.conf.Positional
+
+Config = TypeVar("Config", TrainConfig, GatherConfig)
+
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class RecipeOptions:
+    """Which recipe, with what replaced, and where."""
+
+    recipe: Positional[Path]
+    """A TOML file, or the name of a bundled recipe."""
+    data: Path | None = None
+    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    out: Path | None = None
+    """Folder for the results; by default runs/NAME of the recipe."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    motions: tuple[str, ...] = ()
+    """Motions, instead of the recipe's."""
+    iterations: int | None = None
+    """PPO iterations, instead of the recipe's."""
+    trajectories: int | None = None
+    """Rollouts of each motion, instead of the recipe's."""
+    rows: int | None = None
+    """Rows of a trajectory, instead of the recipe's."""
+    seed: int | None = None
+    """Seed of training and gathering, instead of the recipe's."""
+    set: tuple[str, ...] = ()
+    """Any other settings, as KEY=VALUE: train.preset=paper gather.noise='[0, 1]'."""
+
+    def resolved(self) -> "Recipe":
+        """Return the recipe with everything replaced.
+
+        Raises:
+            RecipeError: the recipe or a setting is wrong.
+        """
+        from kine2go_warp.pipelines.recipe import load_recipe
+
+        recipe = load_recipe(self.recipe, self.set)
+        training = {"iterations": self.iterations, "seed": self.seed}
+        gathering = {"trajectories": self.trajectories, "rows": self.rows, "seed": self.seed}
+        return replace(
+            recipe,
+            motions=self.motions or recipe.motions,
+            train=overridden(recipe.train, training),
+            gather=overridden(recipe.gather, gathering),
+        )
+
+    def workspace(self, recipe: "Recipe") -> "Workspace":
+        """Return where the results lie."""
+        from kine2go_warp.pipelines.workspace import Workspace
+
+        return Workspace(self.out or Path("runs") / recipe.name)
+
+
+@dataclass(frozen=True)
+class Run(RecipeOptions):
+    """Take the motions of a recipe through all stages: retarget, train, gather, score, record.
+
+    Run again, it does only what is missing or what other settings ask for. Ctrl-C stops after a checkpoint, a second
+    one at once.
+    """
+
+    workers: int | None = None
+    """Motions worked on at once: by default one a GPU, or one a core; 0 works in this process, for debugging."""
+    ray: str | None = None
+    """Address of a Ray cluster that does the work instead of this machine, such as auto (docs/cluster.md)."""
+    json: bool = False
+    """Write one JSON object a line for everything that happens, for other programs, instead of a table."""
+    report: bool = False
+    """Write report.html and scores.json of the whole dataset in the end."""
+
+    def run(self) -> int:
+        """Run the recipe and print a table of the data written."""
+        from kine2go_warp.cli.run_progress import observer_for
+        from kine2go_warp.interruption import StopRequest
+        from kine2go_warp.pipelines.runner import RecipeRunner
+
+        recipe = self.resolved()
+        workspace, folder = self.workspace(recipe), data_folder(self.data)
+        limit_threads()
+        engine = self._engine(recipe, workspace)
+        message = "stopping after the present steps; once more stops at once"
+        with StopRequest(message) as stop, observer_for(self.json) as observer:
+            result = RecipeRunner(recipe, workspace, folder, engine, observer, stop).run()
+        if not self.json:
+            self._print(result, workspace)
+        if self.report and result.finished and not result.stopped:
+            self._report(workspace)
+        if result.stopped:
+            return INTERRUPTED
+        return 2 if result.failed else 0
+
+    def _engine(self, recipe: "Recipe", workspace: "Workspace") -> "Engine":
+        """Return what the stages run on.
+
+        Raises:
+            PipelineError: options contradict each other, or Ray cannot be reached.
+        """
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.pipelines.engines.cluster import RayEngine
+        from kine2go_warp.pipelines.engines.inline import InlineEngine
+        from kine2go_warp.pipelines.engines.local import LocalEngine, default_workers
+
+        if self.ray is not None:
+            if self.workers is not None:
+                raise PipelineError("either --workers or --ray: the cluster decides how much is done at once")
+            return RayEngine(self.ray, self.device)
+        if self.workers is not None and self.workers < 0:
+            raise PipelineError(f"--workers must be 0 or more, not {self.workers}")
+        device = choose_device(self.device)
+        if self.workers == 0:
+            return InlineEngine(device)
+        workers = self.workers or default_workers(len(recipe.motions), device)
+        return LocalEngine(workers, device, workspace.root.absolute() / "logs")
+
+    def _print(self, result: "RunResult", workspace: "Workspace") -> None:
+        """Print what the dataset holds now."""
+        from kine2go_warp.cli.tables import print_summaries
+        from kine2go_warp.dataset.summary import summarise_motion
+
+        if result.finished:
+            summaries = [summarise_motion(workspace.dataset, motion) for motion in result.finished]
+            print_summaries(summaries, workspace.dataset, workspace.root / "recordings")
+
+    def _report(self, workspace: "Workspace") -> None:
+        """Write scores and the page of the dataset."""
+        from kine2go_warp.cli.report_command import Report
+        from kine2go_warp.cli.score_command import Score
+
+        Score(workspace.dataset, json=workspace.root / "scores.json", overwrite=True).run()
+        Report(workspace.dataset, out=workspace.root / "report.html", overwrite=True).run()
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Run the whole pipeline on the bundled clip, in minutes and without any data of your own."""
+
+    out: Path = Path("runs/demo")
+    """Folder for the results."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+
+    def run(self) -> int:
+        """Run the recipe ``demo``."""
+        return Run(recipe=Path("demo"), out=self.out, device=self.device).run()
+
+
+@dataclass(frozen=True)
+class Status(RecipeOptions):
+    """Show motions and stages of a recipe: what is done, what is going on, what would run, and why."""
+
+    json: bool = False
+    """Write one JSON object instead of tables."""
+
+    def run(self) -> int:
+        """Print the tables."""
+        from kine2go_warp.cli.status import print_status
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.pipelines.runner import jobs_of
+
+        recipe = self.resolved()
+        workspace = self.workspace(recipe)
+        print_status(jobs_of(recipe, workspace, data_folder(self.data), choose_device(self.device)), self.json)
+        return 0
+
+
+def overridden(config: Config, values: dict[str, int | None]) -> Config:
+    """Return settings with those values that are given."""
+    return replace(config, **{name: value for name, value in values.items() if value is not None})

@@ -1,0 +1,35 @@
+"""The machine that something was made or measured on."""
+
+import importlib.metadata
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+
+from kine2go_warp.device import start_warp
+
+PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "zarr")
+
+
+def machine(device: str) -> dict[str, str]:
+    """Return the names of processor and device, the versions of all that counts, and the date."""
+    import warp as wp
+
+    start_warp()
+    found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {**found, "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+
+
+def processor_name() -> str:
+    """Return the name of the processor, as far as the system tells."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,45 @@
+"""What a run tells while it goes on: to people, and as JSON to machines."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+EventKind = Literal[
+    "run_started",
+    "stage_started",
+    "progress",
+    "stage_finished",
+    "worker_died",
+    "motion_finished",
+    "motion_failed",
+    "motion_stopped",
+    "run_stopping",
+    "run_finished",
+]
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that has happened."""
+
+    kind: EventKind
+    motion: str = ""
+    stage: str = ""
+    detail: str = ""
+    """In words: why a stage is run, how far it is, why it failed."""
+    done: int = 0
+    """Steps done, with ``progress``."""
+    total: int = 0
+    """Steps in all, with ``progress``; 0 if it is not known."""
+    seconds: float = 0.0
+    """Time that the stage or the run has taken [s]."""
+    seconds_left: float | None = None
+    """Estimate of the time to the end of the stage [s]."""
+    figures: dict[str, Any] = field(default_factory=dict)
+    """Such as ``reward``, ``accepted`` or ``joint_rmse``."""
+
+
+class RunObserver:
+    """Is told what happens. This one does not listen; those of the command line show it."""
+
+    def tell(self, event: Event) -> None:
+        """Hear of an event."""

@@ -1,0 +1,67 @@
+"""Policy to rollouts."""
+
+from pathlib import Path
+from typing import Any
+
+from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.pipelines.artefacts import Artefact
+from kine2go_warp.pipelines.job import Job, Monitor
+from kine2go_warp.pipelines.stages.base import Done, Made
+from kine2go_warp.robots import GO2
+from kine2go_warp.settings import to_dictionary
+
+STORE = "motion.zarr"
+"""A dataset of this one motion, within the artefact."""
+
+
+class GatherStage:
+    """Makes a dataset of one motion, which is then taken into the dataset of the run."""
+
+    name = "gather"
+    continues = False
+
+    def is_wanted(self, job: Job) -> bool:
+        """Return whether the recipe asks for it: always."""
+        del job
+        return True
+
+    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+        """Return the policy's content, that of its clip, and the settings."""
+        from kine2go_warp.rollouts.gather import with_rows
+
+        return {
+            "version": 1,
+            "policy": done["train"].record.output,
+            "clip": done["retarget"].record.output,
+            "robot_model": GO2.model_hash,
+            "settings": to_dictionary(with_rows(job.recipe.gather, job.motion)),
+        }
+
+    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+        """Roll the policy out."""
+        from kine2go_warp.dataset.content import motion_content
+        from kine2go_warp.dataset.writer import DatasetWriter
+        from kine2go_warp.rollouts.gather import gather
+
+        def tell(accepted: int, total: int, detail: str) -> None:
+            monitor.stop_if_asked()
+            monitor.advanced(accepted, total, detail, accepted=float(accepted))
+
+        writer = DatasetWriter(folder / STORE, GO2)
+        result = gather(PolicyFolder(done["train"].path), writer, job.recipe.gather, job.device, tell)
+        rejected = sum(result.rejected.values())
+        figures = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
+        return Made(motion_content(folder / STORE, job.motion), figures)
+
+    def show(self, job: Job, artefact: Artefact) -> None:
+        """Take the motion into the dataset of the run.
+
+        Motions of the recipe that were simulated otherwise, with older settings, leave it: their artefacts stay.
+
+        Raises:
+            DatasetError: the dataset holds other motions, which do not go with this one.
+        """
+        from kine2go_warp.dataset.writer import DatasetWriter
+
+        writer = DatasetWriter(job.workspace.dataset, GO2)
+        writer.adopt(artefact.path / STORE, job.motion, replaceable=job.recipe.motions)

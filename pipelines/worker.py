@@ -1,0 +1,104 @@
+"""What a worker does: the next stage of a motion, with a log, wherever it is called."""
+
+import platform
+import time
+import traceback
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from kine2go_warp import __version__
+from kine2go_warp.errors import Kine2GoError, explain
+from kine2go_warp.interruption import TrainingInterrupted
+from kine2go_warp.pipelines.artefacts import ArtefactRecord
+from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
+from kine2go_warp.pipelines.plan import StagePlan, artefacts_of, plan
+from kine2go_warp.pipelines.stages import Made
+from kine2go_warp.revision import revision
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one stage of a motion. It can be sent to another process."""
+
+    motion: str
+    stage: str
+    """The stage that was worked on; empty if none was left, or if it is not known which came next."""
+    state: Literal["done", "failed", "stopped", "died"]
+    """``stopped``: because it was asked to. ``died``: the worker is gone."""
+    seconds: float = 0.0
+    why: str = ""
+    """Why it failed, in one line."""
+
+
+class MotionLog:
+    """The log of one motion, to which stages, runs and machines append."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, text: str) -> None:
+        """Append a line with the time and the machine."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(f"{now} {platform.node()} {text}\n")
+        except OSError:
+            # The reason of a failure, such as a full disk, matters more than its log.
+            return
+
+
+def run_next_stage(job: Job) -> Outcome:
+    """Make the next missing artefact of a motion. Errors become an outcome, so that they reach any engine alike."""
+    log = MotionLog(job.workspace.log(job.motion))
+    started, stage = time.monotonic(), ""
+
+    def outcome(state: Literal["done", "failed", "stopped"], why: str = "") -> Outcome:
+        if state != "done":
+            log.write(f"{stage or 'planning'} {state}: {why}")
+        return Outcome(job.motion, stage, state, time.monotonic() - started, " ".join(why.split()))
+
+    try:
+        plans = list(plan(job))
+        following = next((one for one in plans if one.state == "next"), None)
+        if following is None:
+            return outcome("done")
+        stage = following.stage.name
+        log.write(f"{stage} begins on {job.device}: {following.why}")
+        made = make(job, following, plans)
+        log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.figures}")
+        return outcome("done")
+    except (TrainingInterrupted, StageStopped) as error:
+        return outcome("stopped", str(error))
+    except Kine2GoError as error:
+        return outcome("failed", str(error))
+    except OSError as error:
+        return outcome("failed", explain(error))
+    except Exception as error:  # noqa: BLE001 - a defect in one motion must not stop the others
+        log.write(traceback.format_exc())
+        return outcome("failed", f"{error.__class__.__name__}: {error}")
+
+
+def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> Made:
+    """Make one artefact."""
+    place, stage = following.place, following.stage
+    assert place is not None
+    started = time.monotonic()
+    monitor = Monitor(job, stage.name)
+    with place.making(keep=stage.continues) as folder:
+        made = stage.make(job, artefacts_of(plans), folder, monitor)
+        record = ArtefactRecord(
+            stage=stage.name,
+            motion=job.motion,
+            inputs=place.inputs,
+            output=made.output,
+            figures=made.figures,
+            seconds=round(time.monotonic() - started, 3),
+            finished=datetime.now(UTC).isoformat(timespec="microseconds"),
+            software=f"{__version__} {revision()}".strip(),
+            machine=f"{platform.node()} {job.device}",
+        )
+        place.finish(record)
+    return made

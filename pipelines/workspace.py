@@ -1,0 +1,136 @@
+"""The folder of a run: what lies where, who may write there, and how results are shown to people."""
+
+import fcntl
+import json
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from kine2go_warp.errors import PipelineError
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where the results of a run lie.
+
+    ``artefacts`` holds all that was ever made; the rest shows what belongs to the recipe now: links into the artefacts,
+    and the dataset, whose files are the artefacts' own wherever the file system can share them.
+    """
+
+    root: Path
+
+    @property
+    def artefacts(self) -> Path:
+        """Results of all stages."""
+        return self.root / "artefacts"
+
+    @property
+    def dataset(self) -> Path:
+        """The Zarr store."""
+        return self.root / "dataset.zarr"
+
+    def scores(self, motion: str) -> Path:
+        """The scores of a motion."""
+        return self.root / "scores" / f"{motion}.json"
+
+    @property
+    def record(self) -> Path:
+        """The resolved recipe, the software and the machine."""
+        return self.root / "run.json"
+
+    @property
+    def stop_file(self) -> Path:
+        """Present while the run is to end soon."""
+        return self.root / "progress" / "stop"
+
+    def clip(self, motion: str) -> Path:
+        """The retargeted clip of a motion."""
+        return self.root / "clips" / f"{motion}.npz"
+
+    def policy(self, motion: str) -> Path:
+        """The policy folder of a motion."""
+        return self.root / "policies" / motion
+
+    def recording(self, motion: str) -> Path:
+        """The Rerun recording of a motion."""
+        return self.root / "recordings" / f"{motion}.rrd"
+
+    def log(self, motion: str) -> Path:
+        """What happened to a motion."""
+        return self.root / "logs" / f"{motion}.log"
+
+    def progress(self, motion: str) -> Path:
+        """How far the present stage of a motion is."""
+        return self.root / "progress" / f"{motion}.json"
+
+    def failure(self, motion: str) -> Path:
+        """Why a motion failed, if it did."""
+        return self.root / "progress" / f"{motion}.failed.json"
+
+    def show(self, place: Path, artefact: Path) -> None:
+        """Let a link at ``place`` lead to a part of an artefact; a file of the user's own is set aside."""
+        target = os.path.relpath(artefact, place.parent)
+        if place.is_symlink() and os.readlink(place) == target:  # noqa: PTH115 - compared as text
+            return
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.exists() and not place.is_symlink():
+            place.rename(free_name(place))
+        temporary = place.with_name(f".tmp-{os.getpid()}-{place.name}")
+        temporary.unlink(missing_ok=True)
+        temporary.symlink_to(target)
+        temporary.replace(place)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other runs out of this folder.
+
+        Raises:
+            PipelineError: another run works here.
+        """
+        self.root.mkdir(parents=True, exist_ok=True)
+        with (self.root / ".lock").open("a+") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise PipelineError(
+                    f"{self.root}: another run works here ({holder_of(self.root / '.lock')}); wait for it, "
+                    "look at it with 'kine2go status', or choose another folder with --out"
+                ) from None
+            file.truncate(0)
+            since = datetime.now(UTC).isoformat(timespec="seconds")
+            file.write(json.dumps({"process": os.getpid(), "machine": platform.node(), "since": since}))
+            file.flush()
+            yield
+
+
+def holder_of(lock: Path) -> str:
+    """Return in words who holds the lock of a workspace."""
+    try:
+        holder = json.loads(lock.read_text())
+        return f"process {holder['process']} on {holder['machine']}, since {holder['since']}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "it does not say which"
+
+
+def is_locked(root: Path) -> bool:
+    """Return whether a run works in a folder now."""
+    try:
+        with (root / ".lock").open("r") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
+
+
+def free_name(path: Path) -> Path:
+    """Return a name beside a file or folder that nothing has."""
+    number = 1
+    while (found := path.with_name(f"{path.name}.older-{number}")).exists():
+        number += 1
+    return found
