@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "revision"}
+LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "revision", "interruption"}
 
 ALLOWED = {
     "kernels": {"kernels"},

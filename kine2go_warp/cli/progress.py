@@ -66,6 +66,10 @@ class Progress(RunObserver):
                 self.last_line = now
                 self.console.print(f"{self.label}: {done}/{total}  {detail}".rstrip(), highlight=False)
 
+    def note(self, text: str) -> None:
+        """Something that the user should know."""
+        self.console.print(f"kine2go: note: {text}", highlight=False, soft_wrap=True)
+
     def finished(self, motion: str, result: GatherResult) -> None:
         """All stages of a motion are done."""
         self._complete()
