@@ -27,6 +27,10 @@ class PolicyError(Kine2GoError):
     """A policy folder or a checkpoint cannot be used."""
 
 
+class TrainingDiverged(Kine2GoError):  # noqa: N818 - an event that is handled, like an interruption
+    """Training has broken down: numbers that are not finite, or episodes that have become short for good."""
+
+
 class DatasetError(Kine2GoError):
     """A dataset cannot be read or written."""
 

@@ -25,6 +25,12 @@ def atomic_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files that a killed process has left in a folder that nobody else writes to."""
+    for path in folder.glob(".tmp-*"):
+        path.unlink(missing_ok=True)
+
+
 def flush_to_disk(path: Path) -> None:
     """Make the operating system write ``path`` to the disk, so that a rename cannot overtake the data."""
     descriptor = os.open(path, os.O_RDONLY)

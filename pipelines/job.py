@@ -10,7 +10,7 @@ from typing import Any
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.catalogue import CatalogueEntry, motion_named
 from kine2go_warp.pipelines.recipe import Recipe
-from kine2go_warp.pipelines.workspace import Workspace
+from kine2go_warp.pipelines.workspace import MotionLog, Workspace
 
 PROGRESS_INTERVAL = 0.5
 """Least time between two notes of one stage [s]."""
@@ -73,6 +73,7 @@ class Monitor:
     def __init__(self, job: Job, stage: str) -> None:
         self._file = job.workspace.progress(job.motion)
         self._stop_file = job.workspace.stop_file
+        self._log = MotionLog(job.workspace.log(job.motion))
         self._stage = stage
         self._began, self._began_wall = time.monotonic(), time.time()
         self._last = float("-inf")
@@ -89,6 +90,10 @@ class Monitor:
         note = ProgressNote(self._stage, done, total, detail, self._began_wall, now - self._began, figures)
         with atomic_file(self._file) as temporary:
             temporary.write_text(json.dumps(asdict(note)))
+
+    def note(self, text: str) -> None:
+        """Write a line into the log of the motion."""
+        self._log.write(f"{self._stage}: {text}")
 
     def should_stop(self) -> bool:
         """Return whether the run is to end after the present step."""

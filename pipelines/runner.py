@@ -15,8 +15,8 @@ from kine2go_warp.pipelines.events import Event, EventKind, RunObserver
 from kine2go_warp.pipelines.job import Job, ProgressNote, read_progress
 from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.recipe import Recipe
-from kine2go_warp.pipelines.worker import MotionLog, Outcome
-from kine2go_warp.pipelines.workspace import Workspace
+from kine2go_warp.pipelines.worker import Outcome
+from kine2go_warp.pipelines.workspace import MotionLog, Workspace
 from kine2go_warp.revision import revision
 from kine2go_warp.settings import to_dictionary
 

@@ -5,7 +5,6 @@ import time
 import traceback
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Literal
 
 from kine2go_warp import __version__
@@ -15,6 +14,7 @@ from kine2go_warp.pipelines.artefacts import ArtefactRecord
 from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
 from kine2go_warp.pipelines.plan import StagePlan, artefacts_of, plan
 from kine2go_warp.pipelines.stages import Made
+from kine2go_warp.pipelines.workspace import MotionLog
 from kine2go_warp.revision import revision
 
 
@@ -30,24 +30,6 @@ class Outcome:
     seconds: float = 0.0
     why: str = ""
     """Why it failed, in one line."""
-
-
-class MotionLog:
-    """The log of one motion, to which stages, runs and machines append."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def write(self, text: str) -> None:
-        """Append a line with the time and the machine."""
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(f"{now} {platform.node()} {text}\n")
-        except OSError:
-            # The reason of a failure, such as a full disk, matters more than its log.
-            return
 
 
 def run_next_stage(job: Job) -> Outcome:

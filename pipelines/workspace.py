@@ -107,6 +107,24 @@ class Workspace:
             yield
 
 
+class MotionLog:
+    """The log of one motion, to which stages, runs and machines append."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, text: str) -> None:
+        """Append a line with the time and the machine."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(f"{now} {platform.node()} {text}\n")
+        except OSError:
+            # The reason of a failure, such as a full disk, matters more than its log.
+            return
+
+
 def holder_of(lock: Path) -> str:
     """Return in words who holds the lock of a workspace."""
     try:

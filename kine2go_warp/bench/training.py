@@ -13,7 +13,7 @@ from kine2go_warp.bench.measurement import BenchReport, Measurement, timed
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.presets import Preset
-from kine2go_warp.learning.runner import ImitationRunner, QuietLogger, TrainingProgress
+from kine2go_warp.learning.runner import ImitationRunner, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
 
@@ -42,9 +42,7 @@ def bench_training(clip: MotionClip, preset: Preset, device: str, repeats: int, 
     seen: list[TrainingProgress] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         runner = ImitationRunner(env, preset.ppo, Path(folder), config.seed)
-        assert isinstance(runner.logger, QuietLogger)
-        runner.logger.on_progress = seen.append
-        runner.learn(WARM_UP + repeats)
+        runner.train(WARM_UP + repeats, seen.append)
     memory = used_memory(device) - before
     collected = [progress.collect_time for progress in seen[WARM_UP:]]
     learned = [progress.learn_time for progress in seen[WARM_UP:]]

@@ -21,7 +21,11 @@ def limit_threads() -> None:
 
 @dataclass(frozen=True)
 class Train:
-    """Train a policy that tracks a clip. The same command continues a training that was interrupted."""
+    """Train a policy that tracks a clip.
+
+    Ctrl-C stops after the iteration, with a checkpoint from which the same command continues exactly; a second one
+    stops at once.
+    """
 
     clip: Positional[Path]
     """A clip (.npz) made by 'kine2go retarget'."""
@@ -40,13 +44,15 @@ class Train:
     def run(self) -> int:
         """Train with a progress bar."""
         from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.interruption import StopRequest
         from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip
 
         clip = MotionClip.load(self.clip)
         limit_threads()
         folder = self.out or Path("runs/policies") / clip.name
-        with Progress() as progress:
+        message = "stopping after this iteration, with a checkpoint; once more stops at once"
+        with StopRequest(message) as stop, Progress() as progress:
             progress.stage(clip.name, "train")
             record = train(
                 [clip],
@@ -57,6 +63,8 @@ class Train:
                 lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
                 self.processes,
                 self.strict,
+                stop,
+                progress.note,
             )
         print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
         return 0

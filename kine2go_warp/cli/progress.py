@@ -62,6 +62,10 @@ class Progress:
                 self.last_line = now
                 self.console.print(f"{self.label}: {done}/{total}  {detail}".rstrip(), highlight=False)
 
+    def note(self, text: str) -> None:
+        """Something that the user should know."""
+        self.console.print(f"kine2go: note: {text}", highlight=False, soft_wrap=True)
+
     def _complete(self) -> None:
         """Fill the bar of the stage that ends."""
         if self.task is not None:

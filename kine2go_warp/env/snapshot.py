@@ -1,5 +1,6 @@
 """Everything that a world needs to go on exactly as it did: taken, saved, and put back."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,3 +105,72 @@ class WorldSnapshot:
                 return cls({name: archive[name] for name in archive.files})
         except (OSError, ValueError, KeyError) as error:
             raise Kine2GoError(f"{path}: not a snapshot that can be read ({error})") from None
+
+
+def seen_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+    """Return what policy and critic see, with its history, by name; the first axis of each is the world."""
+    return {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
+
+
+def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+    """Return what is learned of where robots fail, by name, shape [bins] each; nothing if it is not used."""
+    episodes = environment.episodes
+    if not episodes.config.phase_sampling.is_weighted:
+        return {}
+    table = episodes.phase_table
+    return {"visits": table.visits, "failures": table.failures, "cumulative": table.cumulative}
+
+
+@dataclass(frozen=True)
+class EnvironmentSnapshot:
+    """All that an environment needs to go on exactly under a policy, between two control steps."""
+
+    worlds: dict[str, NDArray]
+    """As in ``world_arrays`` and ``seen_arrays``; the first axis of each is the world."""
+    phases: dict[str, NDArray]
+    """As in ``phase_arrays``, one table for each process that has its own, shape [num_tables, bins] each."""
+
+    @classmethod
+    def take(cls, environment: ImitationEnvironment) -> "EnvironmentSnapshot":
+        """Copy the state of an environment to the host."""
+        worlds = {**world_arrays(environment), **seen_arrays(environment)}
+        return cls(
+            {name: array.numpy().copy() for name, array in worlds.items()},
+            {name: array.numpy()[None].copy() for name, array in phase_arrays(environment).items()},
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence["EnvironmentSnapshot"]) -> "EnvironmentSnapshot":
+        """Return the snapshot of environments that share the worlds of a larger one."""
+        worlds = {name: np.concatenate([part.worlds[name] for part in parts]) for name in parts[0].worlds}
+        phases = {name: np.concatenate([part.phases[name] for part in parts]) for name in parts[0].phases}
+        return cls(worlds, phases)
+
+    def split(self, counts: Sequence[int]) -> list["EnvironmentSnapshot"]:
+        """Return the snapshots of environments of so many worlds each.
+
+        Raises:
+            Kine2GoError: there are tables of phases, but not one for each.
+        """
+        if any(len(tables) != len(counts) for tables in self.phases.values()):
+            raise Kine2GoError(f"phases learned by another number of processes do not fit {len(counts)} of them")
+        parts, first = [], 0
+        for index, count in enumerate(counts):
+            worlds = {name: array[first : first + count] for name, array in self.worlds.items()}
+            phases = {name: tables[index : index + 1] for name, tables in self.phases.items()}
+            parts.append(EnvironmentSnapshot(worlds, phases))
+            first += count
+        return parts
+
+    def restore(self, environment: ImitationEnvironment) -> None:
+        """Put the state back into an environment of the same settings.
+
+        Raises:
+            Kine2GoError: it does not fit.
+        """
+        WorldSnapshot(self.worlds).restore(environment)
+        with wp.ScopedDevice(environment.device):
+            for name, array in seen_arrays(environment).items():
+                array.assign(self.worlds[name])
+            for name, array in phase_arrays(environment).items():
+                array.assign(self.phases[name][0])

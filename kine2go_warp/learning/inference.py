@@ -10,8 +10,8 @@ from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.presets import Preset
-from kine2go_warp.learning.runner import load_checkpoint
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 
 

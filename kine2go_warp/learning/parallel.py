@@ -1,10 +1,14 @@
 """Several processes that share the worlds of one environment: a CPU kernel of Warp's runs on one core only."""
 
+import contextlib
 import multiprocessing
+import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Semaphore
+from typing import NoReturn
 
 import torch
 
@@ -13,6 +17,7 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import FAULTS
 from kine2go_warp.env.motors import NUM_JOINTS
 from kine2go_warp.env.observations import observation_size
+from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import SimulationError
 from kine2go_warp.kernels.observations import PRIVILEGED_SIZE
 from kine2go_warp.kernels.rewards import REWARD_TERMS
@@ -21,6 +26,12 @@ from kine2go_warp.motions.clip import MotionClip
 
 LONGEST_STEP = 600.0
 """A worker that is silent for longer has died [s]; its first step may compile kernels."""
+
+PATIENCE = 5.0
+"""How often an idle worker looks whether its parent still lives [s]."""
+
+TAKE, RESTORE = "take", "restore"
+"""Orders to a worker about the state of its worlds; without an order it steps them."""
 
 
 @dataclass(frozen=True)
@@ -35,25 +46,51 @@ class WorkerTask:
     """Of the worker's own worlds, in shared memory."""
     go: Semaphore
     done: Semaphore
+    states: Connection
+    """Orders and states of the worlds go through here."""
 
 
 def work(task: WorkerTask) -> None:
-    """Step some of the worlds whenever told to; runs in a process of its own until the parent ends it."""
+    """Step some of the worlds whenever told to; runs in a process of its own until the parent ends it, or has died."""
     from kine2go_warp.device import start_warp
 
-    # An interrupt from the keyboard reaches every process; the parent decides what to do.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A signal to the parent's whole group must not kill the worlds before the parent has saved them.
+    os.setpgid(0, 0)
     start_warp()
     torch.set_num_threads(1)
     env = ImitationVecEnv(ImitationEnvironment(task.clips, task.config, "cpu", first_world=task.first_world))
     task.buffers.copy_results(env.buffers)
+    parent = multiprocessing.parent_process()
     while True:
         task.done.release()
-        task.go.acquire()
-        env.buffers.output.copy_(task.buffers.output)
-        env.buffers.episode_length.copy_(task.buffers.episode_length)
-        env.advance()
+        while not task.go.acquire(timeout=PATIENCE):
+            if parent is not None and not parent.is_alive():
+                return
+        if task.states.poll():
+            obey(task, env)
+        else:
+            env.buffers.output.copy_(task.buffers.output)
+            env.buffers.episode_length.copy_(task.buffers.episode_length)
+            env.advance()
         task.buffers.copy_results(env.buffers)
+
+
+def obey(task: WorkerTask, env: ImitationVecEnv) -> None:
+    """Send the state of the worlds to the parent, or put them into the state that it sends."""
+    if task.states.recv() == TAKE:
+        task.states.send(env.snapshot())
+    else:
+        env.restore(task.states.recv())
+
+
+@contextlib.contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Block Ctrl-C: processes that are started meanwhile inherit this, and leave the decision to their parent."""
+    earlier = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, earlier)
 
 
 class ParallelVecEnv(BufferedVecEnv):
@@ -66,23 +103,28 @@ class ParallelVecEnv(BufferedVecEnv):
     def __init__(self, clips: Sequence[MotionClip], config: EnvConfig, processes: int) -> None:
         """Start the workers; the first share of the worlds is simulated by this process."""
         super().__init__(config, NUM_JOINTS, "cpu", shared_buffers(config))
-        shares = [len(share) for share in torch.arange(config.num_worlds).tensor_split(processes)]
-        firsts = [sum(shares[:index]) for index in range(processes)]
+        self.shares = [len(share) for share in torch.arange(config.num_worlds).tensor_split(processes)]
+        firsts = [sum(self.shares[:index]) for index in range(processes)]
         self._faults = 0
         # First, so that its kernels are compiled once and found in the cache by the workers.
-        self.own = ImitationVecEnv(ImitationEnvironment(clips, replace(config, num_worlds=shares[0]), "cpu"))
-        self._own_rows = self.buffers.rows(0, shares[0])
+        own_config = replace(config, num_worlds=self.shares[0])
+        self.own = ImitationVecEnv(ImitationEnvironment(clips, own_config, "cpu"))
+        self._own_rows = self.buffers.rows(0, self.shares[0])
         self._own_rows.copy_results(self.own.buffers)
         context = multiprocessing.get_context("spawn")
-        self.tasks, self.workers = [], []
-        for first, count in zip(firsts[1:], shares[1:], strict=True):
-            share = replace(config, num_worlds=count)
-            rows = self.buffers.rows(first, count)
-            task = WorkerTask(tuple(clips), share, first, rows, context.Semaphore(0), context.Semaphore(0))
+        self.tasks, self.workers, self.states = [], [], []
+        for first, count in zip(firsts[1:], self.shares[1:], strict=True):
+            share, rows = replace(config, num_worlds=count), self.buffers.rows(first, count)
+            mine, theirs = context.Pipe()
+            task = WorkerTask(tuple(clips), share, first, rows, context.Semaphore(0), context.Semaphore(0), theirs)
             worker = context.Process(target=work, args=(task,), daemon=True, name=f"kine2go worlds from {first}")
-            worker.start()
+            with interrupts_blocked():
+                worker.start()
+            # Closed here, so that reading from a worker that has died ends.
+            theirs.close()
             self.tasks.append(task)
             self.workers.append(worker)
+            self.states.append(mine)
         self._wait()
 
     def advance(self) -> None:
@@ -101,6 +143,37 @@ class ParallelVecEnv(BufferedVecEnv):
         reasons = self.buffers.reason
         self._faults += int(((reasons == FAULTS[0]) | (reasons == FAULTS[1])).sum())
 
+    def snapshot(self) -> EnvironmentSnapshot:
+        """Return all that the worlds need to go on exactly.
+
+        Raises:
+            SimulationError: a worker has died.
+        """
+        with self._death_reported():
+            for task, states in zip(self.tasks, self.states, strict=True):
+                states.send(TAKE)
+                task.go.release()
+            parts = [self.own.snapshot(), *(states.recv() for states in self.states)]
+        self._wait()
+        return EnvironmentSnapshot.joined(parts)
+
+    def restore(self, snapshot: EnvironmentSnapshot) -> None:
+        """Put all worlds back to where a snapshot was taken, by however many processes.
+
+        Raises:
+            Kine2GoError: processes have learned from failures of their own, and there were more or fewer of them.
+            SimulationError: a worker has died.
+        """
+        own, *others = snapshot.split(self.shares)
+        with self._death_reported():
+            for task, states, part in zip(self.tasks, self.states, others, strict=True):
+                states.send(RESTORE)
+                task.go.release()
+                states.send(part)
+        self.own.restore(own)
+        self._own_rows.copy_results(self.own.buffers)
+        self._wait()
+
     def fault_count(self) -> int:
         """Return how many worlds the simulation itself has failed so far."""
         return self._faults
@@ -113,16 +186,30 @@ class ParallelVecEnv(BufferedVecEnv):
 
     def _wait(self) -> None:
         """Wait for all workers."""
-        for task, worker in zip(self.tasks, self.workers, strict=True):
+        for index, (task, worker) in enumerate(zip(self.tasks, self.workers, strict=True)):
             waited = 0.0
             while not task.done.acquire(timeout=1.0):
                 waited += 1.0
                 if not worker.is_alive() or waited > LONGEST_STEP:
-                    self.close()
-                    raise SimulationError(
-                        f"the process of worlds {task.first_world} and up has died (exit code {worker.exitcode}); "
-                        "run the command again, perhaps with --processes 1"
-                    )
+                    self._give_up(index)
+
+    @contextlib.contextmanager
+    def _death_reported(self) -> Iterator[None]:
+        """Turn a broken pipe into an error that says which process has died."""
+        try:
+            yield
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            dead = [index for index, worker in enumerate(self.workers) if not worker.is_alive()]
+            self._give_up(dead[0] if dead else 0)
+
+    def _give_up(self, index: int) -> NoReturn:
+        """End all workers and report the death of one."""
+        exit_code, first_world = self.workers[index].exitcode, self.tasks[index].first_world
+        self.close()
+        raise SimulationError(
+            f"the process of worlds {first_world} and up has died (exit code {exit_code}); "
+            "run the command again, perhaps with --processes 1"
+        )
 
 
 def shared_buffers(config: EnvConfig) -> StepBuffers:

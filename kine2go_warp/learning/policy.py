@@ -1,13 +1,14 @@
 """The folder of a policy: checkpoints, the clips that it tracks, and how it was trained."""
 
 import json
+import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from kine2go_warp import __version__
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.files import atomic_file, sha256_of
+from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import from_dictionary, to_dictionary
@@ -29,6 +30,10 @@ class PolicyRecord:
     """Iterations done."""
     seconds: float
     """Time spent on training [s]."""
+    restarts: int = 0
+    """How often training began again because it had diverged; each time learns more slowly."""
+    restart_reason: str = ""
+    """What was seen when it diverged."""
 
     @property
     def complete(self) -> bool:
@@ -69,6 +74,8 @@ class PolicyFolder:
             "fingerprint": record.fingerprint,
             "iterations": record.iterations,
             "seconds": record.seconds,
+            "restarts": record.restarts,
+            "restart_reason": record.restart_reason,
             "preset": to_dictionary(record.preset),
             "observation": [asdict(field) for field in observation_layout(record.preset.env)],
         }
@@ -91,6 +98,8 @@ class PolicyFolder:
                 fingerprint=values["fingerprint"],
                 iterations=values["iterations"],
                 seconds=values["seconds"],
+                restarts=values.get("restarts", 0),
+                restart_reason=values.get("restart_reason", ""),
             )
         except FileNotFoundError:
             raise PolicyError(f"{self.path}: no policy here; make one with 'kine2go train'") from None
@@ -108,6 +117,10 @@ class PolicyFolder:
         """Read the clips that the policy tracks."""
         return tuple(MotionClip.load(self.path / name) for name in record.clips)
 
+    def checkpoint(self, iteration: int) -> Path:
+        """Return where the checkpoint of an iteration (from 0) lies."""
+        return self.path / f"model_{iteration}.pt"
+
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
         found = [path for path in self.path.glob("model_*.pt") if iteration_of(path) is not None]
@@ -117,6 +130,23 @@ class PolicyFolder:
         """Return after how many iterations the newest checkpoint was written, 0 if there is none."""
         found = self.checkpoints()
         return (iteration_of(found[-1]) or 0) + 1 if found else 0
+
+    def keep_newest(self, count: int) -> None:
+        """Remove all checkpoints but the newest."""
+        for outdated in self.checkpoints()[:-count]:
+            outdated.unlink()
+
+    def set_attempt_aside(self) -> Path:
+        """Move checkpoints and log of a training that has diverged to a folder within, and return it.
+
+        The oldest checkpoint goes last: killed meanwhile, training continues and diverges once more.
+        """
+        aside = self.path / "diverged"
+        shutil.rmtree(aside, ignore_errors=True)
+        aside.mkdir()
+        for path in [*self.path.glob("events.out.*"), *reversed(self.checkpoints())]:
+            path.rename(aside / path.name)
+        return aside
 
     def latest_checkpoint(self) -> Path:
         """Return the newest checkpoint.
@@ -130,5 +160,7 @@ class PolicyFolder:
         return found[-1]
 
     def checkpoint_hash(self) -> str:
-        """Return the SHA-256 of the newest checkpoint."""
-        return sha256_of(self.latest_checkpoint())
+        """Return the SHA-256 of the newest policy, its normaliser included; what only training needs is not part."""
+        from kine2go_warp.learning.checkpoint import weights_hash
+
+        return weights_hash(self.latest_checkpoint())

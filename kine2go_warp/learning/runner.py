@@ -1,10 +1,11 @@
-"""RSL-RL's runner with a progress report instead of console tables, and checkpoints that are whole and unpickled."""
+"""RSL-RL's runner with a progress report instead of console tables, and checkpoints from which it goes on exactly."""
 
 import contextlib
 import io
 import statistics
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,17 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 from rsl_rl.utils.logger import Logger
 
-from kine2go_warp.errors import PolicyError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.env.snapshot import EnvironmentSnapshot
+from kine2go_warp.errors import Kine2GoError, PolicyError
+from kine2go_warp.interruption import TrainingInterrupted
+from kine2go_warp.learning.checkpoint import arrays, tensors, write_checkpoint
+from kine2go_warp.learning.divergence import DivergenceWatch
+from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import PpoConfig
 from kine2go_warp.learning.vec_env import BufferedVecEnv
+
+KEPT_CHECKPOINTS = 2
+"""While training: the newest, and the one before in case the newest is damaged."""
 
 
 @dataclass(frozen=True)
@@ -45,32 +53,67 @@ class TrainingProgress:
 
 
 ProgressCallback = Callable[[TrainingProgress], None]
+StopCallback = Callable[[], bool]
+IterationCallback = Callable[[TrainingProgress, dict[str, float]], None]
 
 
 class QuietLogger(Logger):
     """Writes to TensorBoard as RSL-RL does, and reports to a callback what RSL-RL would print."""
 
-    on_progress: ProgressCallback | None = None
+    first_iteration = 0
+    on_iteration: IterationCallback | None = None
     count_faults: Callable[[], int] = staticmethod(lambda: 0)
+
+    def init_logging_writer(self) -> None:
+        """Append to the log. What an earlier process logged after its last checkpoint is hidden, not shown twice."""
+        from torch.utils.tensorboard import SummaryWriter
+
+        self.writer = SummaryWriter(log_dir=self.log_dir, purge_step=self.first_iteration, flush_secs=10)  # pyright: ignore[reportAttributeAccessIssue]
 
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Log one iteration; see ``Logger.log``."""
+        # RSL-RL divides by a difference of wall clock times, which is zero where somebody sets the clock.
+        collect_time, learn_time = max(collect_time, 1e-6), max(learn_time, 1e-6)
         with contextlib.redirect_stdout(io.StringIO()):
             super().log(it, start_it, total_it, collect_time, learn_time, **rest)
-        if self.on_progress is not None:
+        if self.on_iteration is not None:
             steps = self.cfg["num_steps_per_env"] * self.num_envs
-            self.on_progress(
-                TrainingProgress(
-                    iteration=it + 1,
-                    total_iterations=total_it,
-                    reward=statistics.mean(self.rewbuffer) if self.rewbuffer else float("nan"),
-                    episode_length=statistics.mean(self.lenbuffer) if self.lenbuffer else float("nan"),
-                    collect_time=collect_time,
-                    learn_time=learn_time,
-                    steps_per_second=steps / (collect_time + learn_time),
-                    faults=self.count_faults(),
-                )
+            progress = TrainingProgress(
+                iteration=it + 1,
+                total_iterations=total_it,
+                reward=statistics.mean(self.rewbuffer) if self.rewbuffer else float("nan"),
+                episode_length=statistics.mean(self.lenbuffer) if self.lenbuffer else float("nan"),
+                collect_time=collect_time,
+                learn_time=learn_time,
+                steps_per_second=steps / (collect_time + learn_time),
+                faults=self.count_faults(),
             )
+            self.on_iteration(progress, rest["loss_dict"])
+
+    def state(self) -> dict[str, Any]:
+        """Return what is known of episodes: it is shown, and the watch for divergence looks at it."""
+        return {
+            "reward_sum": self.cur_reward_sum.clone(),
+            "episode_length": self.cur_episode_length.clone(),
+            "last_rewards": list(self.rewbuffer),
+            "last_lengths": list(self.lenbuffer),
+            "time": self.tot_time,
+            "steps": self.tot_timesteps,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on where ``state`` was taken."""
+        self.cur_reward_sum.copy_(state["reward_sum"])
+        self.cur_episode_length.copy_(state["episode_length"])
+        self.rewbuffer = deque(state["last_rewards"], maxlen=self.rewbuffer.maxlen)
+        self.lenbuffer = deque(state["last_lengths"], maxlen=self.lenbuffer.maxlen)
+        self.tot_time, self.tot_timesteps = state["time"], state["steps"]
+
+    def close(self) -> None:
+        """Write what is left and close the log."""
+        if self.writer is not None:
+            self.writer.close()  # pyright: ignore[reportAttributeAccessIssue]
+            self.writer = None
 
     def _store_code_state(self) -> list[str]:
         """Leave the state of the user's repositories alone: the policy folder records our version itself."""
@@ -78,49 +121,104 @@ class QuietLogger(Logger):
 
 
 class ImitationRunner(OnPolicyRunner):
-    """Trains one policy in a folder of its own."""
+    """Trains one policy in a folder of its own.
+
+    A checkpoint holds, besides what RSL-RL puts there (networks with their normalisers, optimiser with its learning
+    rate, iteration), under the key ``training`` all else that the next iteration depends on: every world, what it has
+    seen, the phases where robots fail, the random generators, and what the watch for divergence knows. On the CPU
+    training from it gives the same bits as if it had not been interrupted, with any number of processes if phases are
+    not weighted by failures, and with the same number if they are.
+    """
+
+    env: BufferedVecEnv
+    logger: QuietLogger
 
     def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
         super().__init__(
             env, config.runner_settings(seed, env.config.privileged), log_dir=str(folder), device=str(env.device)
         )
+        self.folder = PolicyFolder(folder)
         self.logger.__class__ = QuietLogger
-        assert isinstance(self.logger, QuietLogger)
-        self.logger.count_faults = env.fault_count
+        self.logger.count_faults = lambda: self._earlier_faults + env.fault_count()
+        self.logger.on_iteration = self._after_iteration
+        self.watch = DivergenceWatch()
+        self._earlier_faults = 0
+        self._on_progress: ProgressCallback | None = None
+        self._should_stop: StopCallback = lambda: False
 
-    def train(self, iterations: int, on_progress: ProgressCallback | None = None) -> None:
-        """Train until ``iterations`` are done in total, counting those of a restored checkpoint."""
-        assert isinstance(self.logger, QuietLogger)
-        self.logger.on_progress = on_progress
-        remaining = iterations - self.current_learning_iteration
-        if remaining > 0:
-            self.learn(remaining, init_at_random_ep_len=True)
+    def train(
+        self,
+        iterations: int,
+        on_progress: ProgressCallback | None = None,
+        should_stop: StopCallback | None = None,
+    ) -> None:
+        """Train until ``iterations`` are done in total, counting those of a restored checkpoint.
+
+        Raises:
+            TrainingDiverged: the training has broken down; see ``DivergenceWatch``.
+            TrainingInterrupted: ``should_stop`` said so after an iteration; a checkpoint of it is written.
+        """
+        self._on_progress, self._should_stop = on_progress, should_stop or self._should_stop
+        first = self.logger.first_iteration = self.current_learning_iteration
+        if iterations <= first:
+            return
+        try:
+            self.learn(iterations - first, init_at_random_ep_len=first == 0)
+        finally:
+            self.logger.close()
+
+    def _after_iteration(self, progress: TrainingProgress, losses: dict[str, float]) -> None:
+        """Report, watch, and stop if told to."""
+        if self._on_progress is not None:
+            self._on_progress(progress)
+        models = (self.alg.actor, self.alg.critic)
+        self.watch.check(progress.iteration, losses, progress.reward, progress.episode_length, models)
+        if progress.iteration < progress.total_iterations and self._should_stop():
+            path = self.folder.checkpoint(self.current_learning_iteration)
+            self.save(str(path))
+            raise TrainingInterrupted(f"stopped after iteration {progress.iteration}; {path} holds all of it")
 
     def save(self, path: str, infos: dict | None = None) -> None:
-        """Write a checkpoint whole or not at all."""
-        buffer = io.BytesIO()
-        torch.save({**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}, buffer)
-        # Through memory, since torch reports a full disk as an internal error.
-        with atomic_file(Path(path)) as temporary:
-            temporary.write_bytes(buffer.getbuffer())
+        """Write a checkpoint whole or not at all, and remove those that are no longer needed."""
+        values = {**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}
+        write_checkpoint(Path(path), {**values, "training": self._training_state()})
+        self.folder.keep_newest(KEPT_CHECKPOINTS)
 
-    def restore(self, path: Path) -> None:
-        """Continue from a checkpoint, at the iteration after the one that it was written at."""
-        checkpoint = load_checkpoint(path, self.device)
-        self.alg.load(checkpoint, None, True)
-        self.current_learning_iteration = checkpoint["iter"] + 1
+    def restore(self, checkpoint: dict[str, Any]) -> None:
+        """Continue from a checkpoint, at the iteration after the one that it was written at.
 
+        Raises:
+            PolicyError: it does not fit the settings of this training.
+        """
+        try:
+            self.alg.load(checkpoint, None, True)
+            self._restore_training_state(checkpoint["training"])
+            self.current_learning_iteration = checkpoint["iter"] + 1
+        except (KeyError, RuntimeError, ValueError, Kine2GoError) as error:
+            reason = str(error).splitlines()[0]
+            raise PolicyError(f"{self.folder.path}: its checkpoint does not fit its settings ({reason})") from None
 
-def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
-    """Read a checkpoint without running any code in it.
+    def _training_state(self) -> dict[str, Any]:
+        """Return all that training goes on from, besides networks and optimiser."""
+        snapshot = self.env.snapshot()
+        random = {"cpu": torch.get_rng_state()}
+        if torch.device(self.device).type == "cuda":
+            random["cuda"] = torch.cuda.get_rng_state(self.device)
+        return {
+            "worlds": tensors(snapshot.worlds),
+            "phases": tensors(snapshot.phases),
+            "random": random,
+            "logger": self.logger.state(),
+            "watch": asdict(self.watch),
+            "faults": self.logger.count_faults(),
+        }
 
-    Raises:
-        PolicyError: it is damaged or of another kind.
-    """
-    try:
-        checkpoint = torch.load(path, map_location=device, weights_only=True)
-    except Exception as error:  # noqa: BLE001 - damaged files raise errors of many kinds
-        raise PolicyError(f"{path}: not a checkpoint that can be read ({error.__class__.__name__})") from None
-    if not isinstance(checkpoint, dict) or "actor_state_dict" not in checkpoint:
-        raise PolicyError(f"{path}: not a checkpoint of 'kine2go train'")
-    return checkpoint
+    def _restore_training_state(self, state: dict[str, Any]) -> None:
+        """Put back what ``_training_state`` returned."""
+        self.env.restore(EnvironmentSnapshot(arrays(state["worlds"]), arrays(state["phases"])))
+        self.logger.restore(state["logger"])
+        self.watch = DivergenceWatch(**state["watch"])
+        self._earlier_faults = state["faults"]
+        torch.set_rng_state(state["random"]["cpu"])
+        if "cuda" in state["random"] and torch.device(self.device).type == "cuda":
+            torch.cuda.set_rng_state(state["random"]["cuda"], self.device)

@@ -4,17 +4,23 @@ import contextlib
 import io
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from kine2go_warp.device import choose_device, choose_processes
-from kine2go_warp.errors import PolicyError
+from kine2go_warp.errors import PolicyError, TrainingDiverged
+from kine2go_warp.files import remove_leftovers
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
-from kine2go_warp.learning.presets import Preset
+from kine2go_warp.learning.presets import PpoConfig, Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, to_dictionary
+
+if TYPE_CHECKING:
+    from kine2go_warp.learning.vec_env import BufferedVecEnv
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
@@ -32,8 +38,14 @@ def train(
     on_progress: Callable[..., None] | None = None,
     processes: int | None = None,
     strict: bool = False,
+    should_stop: Callable[[], bool] | None = None,
+    on_note: Callable[[str], None] = warnings.warn,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
+
+    What is continued goes on exactly: on the CPU it ends with the same bits as a training that was never interrupted,
+    also one that was asked for fewer iterations at first. A checkpoint that is damaged is set aside, and the one before
+    it is continued. A training that diverges begins again once, learning more slowly.
 
     Args:
         clips: The clips to track.
@@ -42,11 +54,17 @@ def train(
         device: Where to train; by default on CUDA where there is one.
         overwrite: Start anew if the folder holds a policy of other clips or settings, which is moved aside.
         on_progress: Called with a ``TrainingProgress`` after each iteration.
-        processes: How many processes share the simulation; by default one a core on a CPU. It changes no result.
+        processes: How many processes share the simulation; by default one a core on a CPU. It changes no result, but
+            where failures weigh the phases at which episodes begin: such a training is continued with as many
+            processes as it began with, whatever is given here.
         strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
+        should_stop: Asked after each iteration, such as a ``StopRequest``; if it says yes, a checkpoint is written.
+        on_note: Told what the user should know: damaged checkpoints, a restart.
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given.
+        TrainingDiverged: it diverged again after the restart.
+        TrainingInterrupted: ``should_stop`` said so; the same call continues.
     """
     device = choose_device(device)
     preset = config.resolve(device)
@@ -54,8 +72,6 @@ def train(
     policy = PolicyFolder(folder)
     known = known_record(policy, overwrite)
     if known is not None and known.fingerprint == fingerprint:
-        if known.iterations >= preset.ppo.iterations:
-            return known
         record = replace(known, preset=preset)
     else:
         if policy.exists and not overwrite:
@@ -65,11 +81,22 @@ def train(
         if policy.exists or policy.checkpoints():
             set_aside(folder, known.fingerprint if known is not None else "unreadable")
         folder.mkdir(parents=True, exist_ok=True)
-        record = PolicyRecord(preset, (), fingerprint, 0, 0.0)
+        known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0)
+    remove_leftovers(folder)
+    start = resume_point(policy, preset.ppo.iterations, on_note)
+    if known is not None and start is not None and known.iterations == start.iterations >= preset.ppo.iterations:
+        return known
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
-    processes = 1 if strict else choose_processes(processes, preset.env.num_worlds, device)
-    return _run(policy, record, clips, device, on_progress, processes, strict)
+    task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop)
+    try:
+        return task.run(record, start)
+    except TrainingDiverged as error:
+        if record.restarts:
+            raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
+        reason = str(error)
+    # Outside the handler, which would keep the first attempt's worlds in memory.
+    return task.run(begin_again(policy, reason, on_note), None)
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
@@ -95,41 +122,120 @@ def set_aside(folder: Path, suffix: str) -> None:
     folder.rename(older)
 
 
-def _run(
-    policy: PolicyFolder,
-    record: PolicyRecord,
-    clips: Sequence[MotionClip],
-    device: str,
-    on_progress: Callable[..., None] | None,
-    processes: int,
-    strict: bool,
-) -> PolicyRecord:
-    """Run PPO from the newest checkpoint on and record how far it came, also when it is interrupted."""
-    import torch
+@dataclass(frozen=True)
+class ResumePoint:
+    """Where training continues."""
 
-    from kine2go_warp.env.environment import ImitationEnvironment
-    from kine2go_warp.learning.parallel import ParallelVecEnv
-    from kine2go_warp.learning.runner import ImitationRunner
-    from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+    path: Path
+    """The checkpoint."""
+    checkpoint: dict[str, Any]
+    """What it holds, on the CPU."""
 
-    share_stream(device)
-    torch.manual_seed(record.preset.env.seed)
-    if processes > 1:
-        env = ParallelVecEnv(clips, record.preset.env, processes)
-    else:
-        environment = ImitationEnvironment(clips, record.preset.env, device)
-        env = ImitationVecEnv(environment, policy.path if strict else None)
-    with contextlib.redirect_stdout(io.StringIO()):
-        runner = ImitationRunner(env, record.preset.ppo, policy.path, record.preset.env.seed)
-    if policy.checkpoints():
-        runner.restore(policy.latest_checkpoint())
-    started, before = time.monotonic(), record.seconds
-    try:
-        runner.train(record.preset.ppo.iterations, on_progress)
-    finally:
-        record = replace(record, iterations=policy.iterations_done(), seconds=before + time.monotonic() - started)
-        policy.write_record(record)
-        env.close()
-    for outdated in policy.checkpoints()[:-1]:
-        outdated.unlink()
+    @property
+    def iterations(self) -> int:
+        """Iterations done."""
+        return self.checkpoint["iter"] + 1
+
+    @property
+    def processes(self) -> int | None:
+        """How many processes it must be continued with, none if any number will do."""
+        tables = self.checkpoint["training"]["phases"].values()
+        return next((len(table) for table in tables), None)
+
+
+def resume_point(policy: PolicyFolder, iterations: int, on_note: Callable[[str], None]) -> ResumePoint | None:
+    """Return the newest checkpoint that is whole, or none. Those that are not are set aside, with a note.
+
+    Args:
+        policy: The folder.
+        iterations: How many are wanted; a checkpoint that has them need not hold the state of training.
+        on_note: Told of damaged checkpoints.
+    """
+    from kine2go_warp.learning.checkpoint import load_checkpoint
+
+    found = policy.checkpoints()
+    for path in reversed(found):
+        try:
+            checkpoint = load_checkpoint(path, "cpu")
+            if checkpoint["iter"] + 1 < iterations and "training" not in checkpoint:
+                raise PolicyError(f"{path}: holds no state of the training to continue")
+        except PolicyError as error:
+            path.rename(path.with_name(f"{path.name}.damaged"))
+            then = "continuing from the one before" if path != found[0] else "starting anew"
+            on_note(f"{error}; set aside, {then}")
+        else:
+            return ResumePoint(path, checkpoint)
+    return None
+
+
+def begin_again(policy: PolicyFolder, reason: str, on_note: Callable[[str], None]) -> PolicyRecord:
+    """Set a training that has diverged aside, and return the record of a new one that learns more slowly."""
+    aside = policy.set_attempt_aside()
+    record = replace(policy.read_record(), restarts=1, restart_reason=reason, iterations=0)
+    policy.write_record(record)
+    rate = slower(record.preset.ppo).learning_rate
+    on_note(f"training diverged ({reason}); starting again with a learning rate of {rate:.2g}; {aside} keeps the log")
     return record
+
+
+def slower(ppo: PpoConfig) -> PpoConfig:
+    """Return the settings of a restart: a third of the learning rate, half the step that it is adapted to."""
+    return replace(ppo, learning_rate=ppo.learning_rate / 3.0, desired_kl=ppo.desired_kl / 2.0)
+
+
+@dataclass(frozen=True)
+class TrainingTask:
+    """All that stays the same when training begins again."""
+
+    policy: PolicyFolder
+    clips: Sequence[MotionClip]
+    device: str
+    processes: int | None
+    strict: bool
+    on_progress: Callable[..., None] | None
+    should_stop: Callable[[], bool] | None
+
+    def run(self, record: PolicyRecord, start: ResumePoint | None) -> PolicyRecord:
+        """Run PPO from a checkpoint or from the beginning, and record how far it came, also if it is interrupted."""
+        import torch
+
+        from kine2go_warp.learning.runner import ImitationRunner
+        from kine2go_warp.learning.vec_env import share_stream
+
+        policy, preset = self.policy, record.preset
+        ppo = slower(preset.ppo) if record.restarts else preset.ppo
+        share_stream(self.device)
+        torch.manual_seed(preset.env.seed)
+        started, before = time.monotonic(), record.seconds
+        with contextlib.closing(self._environment(preset, start)) as env:
+            with contextlib.redirect_stdout(io.StringIO()):
+                runner = ImitationRunner(env, ppo, policy.path, preset.env.seed)
+            if start is not None:
+                runner.restore(start.checkpoint)
+            try:
+                runner.train(ppo.iterations, self.on_progress, self.should_stop)
+            finally:
+                seconds = before + time.monotonic() - started
+                record = replace(record, iterations=policy.iterations_done(), seconds=seconds)
+                policy.write_record(record)
+        policy.keep_newest(1)
+        return record
+
+    def _environment(self, preset: Preset, start: ResumePoint | None) -> "BufferedVecEnv":
+        """Build the environment, in as many processes as wanted or needed."""
+        from kine2go_warp.env.environment import ImitationEnvironment
+        from kine2go_warp.learning.parallel import ParallelVecEnv
+        from kine2go_warp.learning.vec_env import ImitationVecEnv
+
+        needed = start.processes if start is not None else None
+        if self.strict and needed not in (None, 1):
+            raise PolicyError(
+                f"{self.policy.path}: was begun by {needed} processes, each with its own weights of phases, and strict "
+                "training runs in one; choose another folder"
+            )
+        processes = 1 if self.strict else needed or self.processes
+        count = choose_processes(processes, preset.env.num_worlds, self.device)
+        if count > 1:
+            return ParallelVecEnv(self.clips, preset.env, count)
+        environment = ImitationEnvironment(self.clips, preset.env, self.device)
+        return ImitationVecEnv(environment, self.policy.path if self.strict else None)

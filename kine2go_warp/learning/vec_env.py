@@ -11,6 +11,7 @@ from tensordict import TensorDict
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import StrictStepper, fault_counts
+from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.kernels.rewards import REWARD_TERMS
 
 
@@ -82,6 +83,14 @@ class BufferedVecEnv(VecEnv):
         """Step all worlds, from ``buffers.output`` to the other buffers."""
         raise NotImplementedError
 
+    def snapshot(self) -> EnvironmentSnapshot:
+        """Return all that the worlds need to go on exactly."""
+        raise NotImplementedError
+
+    def restore(self, snapshot: EnvironmentSnapshot) -> None:
+        """Put all worlds back to where a snapshot was taken."""
+        raise NotImplementedError
+
     def fault_count(self) -> int:
         """Return how many worlds the simulation itself has failed so far."""
         raise NotImplementedError
@@ -138,6 +147,15 @@ class ImitationVecEnv(BufferedVecEnv):
     def advance(self) -> None:
         """Step all worlds."""
         self._step()
+
+    def snapshot(self) -> EnvironmentSnapshot:
+        """Return all that the worlds need to go on exactly. It waits for the device."""
+        return EnvironmentSnapshot.take(self.environment)
+
+    def restore(self, snapshot: EnvironmentSnapshot) -> None:
+        """Put all worlds back to where a snapshot was taken."""
+        (own,) = snapshot.split([self.num_envs])
+        own.restore(self.environment)
 
     def fault_count(self) -> int:
         """Return how many worlds the simulation itself has failed so far. It waits for the device."""

@@ -51,6 +51,8 @@ class TrainStage:
             overwrite=True,
             on_progress=tell,
             processes=job.processes,
+            should_stop=monitor.should_stop,
+            on_note=monitor.note,
         )
         figures = {"iterations": record.iterations, "seconds": round(record.seconds, 1)}
         return Made(PolicyFolder(folder).checkpoint_hash(), figures)

@@ -1,4 +1,4 @@
-"""A run loses nothing: not by kills, a full disk, a folder that cannot be written, damaged files, or a clock that jumps."""
+"""A run loses nothing: not by kills, a full disk, a read-only folder, damaged files, or a clock that jumps."""
 
 import os
 import shutil
@@ -143,7 +143,7 @@ def test_a_stage_that_kills_every_worker_fails_its_motion_alone(data, tmp_path):
 
     def kill_trainings() -> bool:
         nonlocal deaths
-        busy = [worker for worker in engine._workers if worker is not None and worker.job is not None]  # noqa: SLF001
+        busy = [worker for worker in engine._workers if worker is not None and worker.job is not None]
         for worker in busy:
             if worker.job.motion == "ai4_dog_pace" and worker.stage == "train":
                 os.kill(worker.process.pid, signal.SIGKILL)
@@ -175,8 +175,8 @@ def command(folder: Path, *options: str) -> list[str]:
     loose = [f"gather.{name}={value}" for name, value in vars(TINY.gather).items() if name.startswith("max_")]
     settings = ["train.num_worlds=8", "gather.warm_up=0.1", *loose]
     sizes = ["--iterations", "400", "--trajectories", "3", "--rows", "20"]
-    return [sys.executable, "-c", code, "run", "demo", "--out", str(folder), "--workers", "2", "--device", "cpu", *sizes,
-            "--set", *settings, *options]  # fmt: skip
+    where = ["--out", str(folder), "--workers", "2", "--device", "cpu"]
+    return [sys.executable, "-c", code, "run", "demo", *where, *sizes, "--set", *settings, *options]
 
 
 def wait_for_training(folder: Path) -> None:
