@@ -167,8 +167,7 @@ class RecipeRunner:
 
     def _settle(self, outcome: Outcome) -> None:
         """Decide how a motion goes on."""
-        motion = outcome.motion
-        stage = outcome.stage or self._running[motion][0]
+        motion, stage = outcome.motion, outcome.stage
         del self._running[motion]
         self.workspace.progress(motion).unlink(missing_ok=True)
         if outcome.state == "failed":

@@ -24,7 +24,7 @@ class Outcome:
 
     motion: str
     stage: str
-    """The stage that was worked on; empty if none was left, or if it is not known which came next."""
+    """The stage that was worked on."""
     state: Literal["done", "failed", "stopped", "died"]
     """``stopped``: because it was asked to. ``died``: the worker is gone."""
     seconds: float = 0.0
@@ -32,22 +32,27 @@ class Outcome:
     """Why it failed, in one line."""
 
 
-def run_next_stage(job: Job) -> Outcome:
-    """Make the next missing artefact of a motion. Errors become an outcome, so that they reach any engine alike."""
+def run_stage(job: Job, stage: str) -> Outcome:
+    """Make the next missing artefact of a motion. Errors become an outcome, so that they reach any engine alike.
+
+    Args:
+        job: The motion.
+        stage: The stage that comes next; another one means that this process runs other software than the caller.
+    """
     log = MotionLog(job.workspace.log(job.motion))
-    started, stage = time.monotonic(), ""
+    started = time.monotonic()
 
     def outcome(state: Literal["done", "failed", "stopped"], why: str = "") -> Outcome:
         if state != "done":
-            log.write(f"{stage or 'planning'} {state}: {why}")
+            log.write(f"{stage} {state}: {why}")
         return Outcome(job.motion, stage, state, time.monotonic() - started, " ".join(why.split()))
 
     try:
         plans = list(plan(job))
         following = next((one for one in plans if one.state == "next"), None)
-        if following is None:
-            return outcome("done")
-        stage = following.stage.name
+        if following is None or following.stage.name != stage:
+            here = "nothing" if following is None else following.stage.name
+            return outcome("failed", f"a worker has {here} to do: its software or files differ; start the run again")
         log.write(f"{stage} begins on {job.device}: {following.why}")
         made = make(job, following, plans)
         log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.figures}")

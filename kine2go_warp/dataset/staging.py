@@ -1,11 +1,12 @@
 """What lies beside a store while it is written, and what a killed process has left there."""
 
+import fcntl
 import json
 import os
 import platform
 import shutil
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,18 @@ class StagingArea:
     def __init__(self, store: Path) -> None:
         self.store = store
         self._prefix = f".tmp-{store.name}-{platform.node()}-"
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until no other process changes the store, and keep others waiting meanwhile."""
+        self.store.parent.mkdir(parents=True, exist_ok=True)
+        # The folder around the store itself is locked, so that no file is left behind.
+        descriptor = os.open(self.store.parent, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(descriptor)
 
     def folder(self, kind: str, motion: str = "") -> Path:
         """Return where this process may put something of a kind (``Leftover``)."""

@@ -119,9 +119,7 @@ class DatasetWriter:
         try:
             self._write_group(staging, trajectories, frame_duration, attributes, rejected)
             flush_folder(staging)
-            self._write_root(simulation)
-            self._area.put_in_place(motion)
-            self._write_index()
+            self._commit(motion, simulation)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
 
@@ -154,9 +152,7 @@ class DatasetWriter:
         try:
             shutil.copytree(source / motion, staging, copy_function=link_or_copy)
             flush_folder(staging)
-            self._write_root(simulation)
-            self._area.put_in_place(motion)
-            self._write_index()
+            self._commit(motion, simulation)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
 
@@ -177,6 +173,18 @@ class DatasetWriter:
                     f"{self.path}: holds motions with {name} {known.get(name)}, and {motion} has {value}; "
                     "choose another dataset"
                 )
+
+    def _commit(self, motion: str, simulation: SimulationAttributes) -> None:
+        """Put a motion that is written beside the store into it.
+
+        Raises:
+            DatasetError: another process has added motions that were simulated otherwise.
+        """
+        with self._area.alone():
+            self.check(motion, simulation)
+            self._write_root(simulation)
+            self._area.put_in_place(motion)
+            self._write_index()
 
     def _write_root(self, simulation: SimulationAttributes) -> None:
         """Write the root's attributes, without the index of all arrays, which would not know of a change."""

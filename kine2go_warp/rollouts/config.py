@@ -29,6 +29,8 @@ class GatherConfig:
     """Rollouts run at once; by default as many as are wanted, at most 128 on a CPU and 4096 on a GPU."""
     budget: float = 4.0
     """Rollouts run at most, as a multiple of those wanted; then those that were accepted are kept."""
+    least_accepted: float = 0.5
+    """Share of the wanted rollouts that must be accepted within the budget, or none are kept."""
     keep_rejected: bool = False
     """Store rejected rollouts, too, in a group of their own."""
     max_distance: float = 0.4
@@ -59,6 +61,8 @@ class GatherConfig:
             raise DatasetError("noise needs 0 <= least <= greatest, and warm-up and seed must not be negative")
         if self.budget < 1.0 or (self.num_worlds is not None and self.num_worlds < 1):
             raise DatasetError("budget and num-worlds must be at least 1")
+        if not 0.0 <= self.least_accepted <= 1.0:
+            raise DatasetError("least-accepted must be between 0 and 1")
         for name, value in vars(self).items():
             if name.startswith("max_") and value <= 0.0:
                 raise DatasetError(f"{name.replace('_', '-')} must be positive")

@@ -1,5 +1,6 @@
 """The gathering stage: policy folder in, one motion of a dataset out."""
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -69,7 +70,7 @@ def gather(
 
     Raises:
         PolicyError: the policy cannot be read.
-        DatasetError: no rollout was accepted.
+        DatasetError: no rollout was accepted, or fewer than the settings ask for.
     """
     record = policy.read_record()
     clip = policy.read_clips(record)[0]
@@ -90,11 +91,11 @@ def gather(
     with Campaign(policy, record, clip, config, device, writer.spool(clip.name), fault_folder) as campaign:
         campaign.run(on_progress)
         rejected = dict(Counter(campaign.reasons_rejected))
-        if not campaign.num_accepted:
+        if campaign.num_accepted < max(1, math.ceil(config.least_accepted * config.trajectories)):
             found = ", ".join(f"{count} by {reason}" for reason, count in rejected.items())
-            raise DatasetError(
-                f"{clip.name}: all {campaign.num_rollouts} rollouts were rejected ({found}); train longer"
-            )
+            some = f"{campaign.num_accepted} of {campaign.num_rollouts} rollouts were accepted, too few"
+            said = some if campaign.num_accepted else f"all {campaign.num_rollouts} rollouts were rejected"
+            raise DatasetError(f"{clip.name}: {said} ({found}); train longer, or allow more with --budget")
         accepted = campaign.accepted()
         doubt = accepted.groups["quality"]["limit_share"]
         borderline = tuple(int(index) for index in np.argsort(-doubt, kind="stable") if doubt[index] > BORDERLINE)

@@ -1,14 +1,13 @@
 """Stages on a Ray cluster. Machines share nothing but the folder of the run and that of the source clips."""
 
 import os
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from kine2go_warp.errors import PipelineError
 from kine2go_warp.pipelines.job import Job
-from kine2go_warp.pipelines.worker import Outcome, run_next_stage
+from kine2go_warp.pipelines.worker import Outcome, run_stage
 
 HEAVY_STAGES = ("train", "gather")
 """Stages that simulate, and so want a GPU where there are any."""
@@ -55,7 +54,7 @@ class RayEngine:
         # The runner decides about another attempt, so that it is the same for all engines.
         task = self._ray.remote(num_cpus=1, num_gpus=gpus, max_retries=0)(run_on_node)
         job = replace(job, device=self.device, processes=1)
-        self._running[task.options(name=f"{job.motion} {stage}").remote(job)] = (job.motion, stage)
+        self._running[task.options(name=f"{job.motion} {stage}").remote(job, stage)] = (job.motion, stage)
 
     def wait(self, seconds: float) -> Sequence[Outcome]:
         """Return what has ended, and what has died with its worker or machine."""
@@ -81,14 +80,12 @@ class RayEngine:
             return Outcome(motion, stage, "died", why=why)
 
 
-def run_on_node(job: Job) -> Outcome:
+def run_on_node(job: Job, stage: str) -> Outcome:
     """Run a stage on whatever machine this is."""
     import torch
 
     torch.set_num_threads(1)
     if not job.workspace.root.is_dir():
         where = f"{os.uname().nodename} does not see {job.workspace.root}"
-        return Outcome(job.motion, "", "failed", why=f"{where}; the folder must be shared by all machines")
-    started = time.monotonic()
-    outcome = run_next_stage(job)
-    return replace(outcome, seconds=time.monotonic() - started)
+        return Outcome(job.motion, stage, "failed", why=f"{where}; the folder must be shared by all machines")
+    return run_stage(job, stage)

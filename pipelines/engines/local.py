@@ -11,7 +11,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from kine2go_warp.pipelines.job import Job
-from kine2go_warp.pipelines.worker import Outcome, run_next_stage
+from kine2go_warp.pipelines.worker import Outcome, run_stage
 
 MEMORY_A_WORKER = 2.0
 """Memory that a worker may need [GB]."""
@@ -48,10 +48,10 @@ class LocalEngine:
         self._context = multiprocessing.get_context("spawn")
         self._workers: list[Worker | None] = [None] * num_workers
 
-    @property
-    def pids(self) -> list[int]:
-        """Process numbers of the workers that live."""
-        return [one.process.pid for one in self._workers if one is not None and one.process.pid is not None]
+    def worker_of(self, motion: str) -> Worker | None:
+        """Return the worker that works on a motion, if one does."""
+        busy = (one for one in self._workers if one is not None and one.job is not None)
+        return next((one for one in busy if one.job is not None and one.job.motion == motion), None)
 
     def has_room(self) -> bool:
         """Return whether a worker has nothing to do."""
@@ -64,7 +64,7 @@ class LocalEngine:
         self._workers[number] = worker
         worker.job, worker.stage = replace(job, device=self.device, processes=self._processes), stage
         try:
-            worker.connection.send(worker.job)
+            worker.connection.send((worker.job, stage))
         except OSError:
             # It died while idle; ``wait`` finds out.
             return
@@ -130,10 +130,10 @@ def serve(connection: Connection, lifeline: Connection, gpu: int | None, log: Pa
     torch.set_num_threads(1)
     while True:
         try:
-            job = connection.recv()
+            job, stage = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(run_next_stage(job))
+        connection.send(run_stage(job, stage))
 
 
 def die_with(lifeline: Connection) -> None:

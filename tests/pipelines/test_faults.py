@@ -16,6 +16,7 @@ import pytest
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.pipelines.artefacts import RECORD
 from kine2go_warp.pipelines.engines.local import LocalEngine
+from kine2go_warp.pipelines.job import read_progress
 from kine2go_warp.pipelines.workspace import Workspace
 from kine2go_warp.robots import GO2
 from tests.conftest import REPOSITORY
@@ -96,45 +97,46 @@ def test_a_run_that_is_killed_at_any_of_forty_moments_is_completed_by_the_next(d
 
 
 class Killer:
-    """Told of every look whether to stop, it kills a worker at some moments instead."""
+    """Asked whether to stop, it kills the worker of a motion instead, once the motion has come to certain places."""
 
-    def __init__(self, engine: LocalEngine, moments: list[float]) -> None:
-        self.engine, self.moments = engine, sorted(moments)
-        self.began: float | None = None
-        self.kills = 0
+    def __init__(self, engine: LocalEngine, workspace: Workspace, places: list[tuple[str, str, int]]) -> None:
+        self.engine, self.workspace, self.places = engine, workspace, places
 
     def __call__(self) -> bool:
-        if self.began is None:
-            self.began = time.monotonic()
-        pids = self.engine.pids
-        if pids and self.moments and time.monotonic() - self.began > self.moments[0]:
-            self.moments.pop(0)
-            os.kill(pids[self.kills % len(pids)], signal.SIGKILL)
-            self.kills += 1
+        for place in list(self.places):
+            motion, stage, done = place
+            note = read_progress(self.workspace.progress(motion))
+            worker = self.engine.worker_of(motion)
+            if note is not None and worker is not None and note.stage == stage and note.done >= done:
+                os.kill(worker.process.pid, signal.SIGKILL)
+                self.places.remove(place)
+                break
         return False
 
 
-def kill_workers(data: Path, folder: Path, moments: list[float]) -> None:
-    recipe = replace(SHORT, train=replace(SHORT.train, iterations=40))
-    run(recipe, folder / "whole", data)
+def kill_workers(data: Path, folder: Path, places: list[tuple[str, str, int]]) -> None:
+    recipe = replace(SHORT, train=replace(SHORT.train, iterations=8))
     engine = LocalEngine(2, "cpu", folder / "logs")
-    killer = Killer(engine, moments)
+    killer = Killer(engine, Workspace(folder / "killed"), list(places))
     result, listener = run(recipe, folder / "killed", data, engine, killer)
     assert result.failed == {}
-    assert killer.kills
-    print([(event.motion, event.stage, event.detail) for event in listener.of("worker_died")])
+    assert killer.places == []
+    died = [(event.motion, event.stage) for event in listener.of("worker_died")]
+    assert sorted(died) == sorted((motion, stage) for motion, stage, _ in places)
+    run(recipe, folder / "whole", data)
     assert content(folder / "killed") == content(folder / "whole")
 
 
-def test_a_worker_that_is_killed_is_replaced_and_changes_nothing(data, tmp_path):
-    kill_workers(data, tmp_path, [8.0])
+def test_workers_that_are_killed_are_replaced_and_change_nothing(data, tmp_path):
+    kill_workers(data, tmp_path, [("dog_trot", "train", 3), ("ai4_dog_pace", "gather", 0)])
 
 
 @pytest.mark.faults
 def test_ten_workers_that_are_killed_are_replaced_and_change_nothing(data, tmp_path):
+    rng = np.random.default_rng(0)
     for number in range(5):
-        rng = np.random.default_rng(number)
-        kill_workers(data, tmp_path / str(number), list(rng.uniform(0.0, 20.0, 2)))
+        places = [(motion, "train", int(rng.integers(0, 8))) for motion in TWO.motions]
+        kill_workers(data, tmp_path / str(number), places)
 
 
 def test_a_stage_that_kills_every_worker_fails_its_motion_alone(data, tmp_path):
@@ -207,7 +209,7 @@ def test_workers_end_with_the_run_that_is_killed(tmp_path):
     assert not any(is_alive(worker) for worker in workers)
 
 
-def test_one_interrupt_writes_a_checkpoint_and_two_end_at_once(tmp_path):
+def test_an_interrupt_writes_a_checkpoint_and_ends(tmp_path):
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": REPOSITORY}
     runner = subprocess.Popen(command(tmp_path), **quiet)
     wait_for_training(tmp_path)
@@ -219,6 +221,10 @@ def test_one_interrupt_writes_a_checkpoint_and_two_end_at_once(tmp_path):
     done = max(int(path.stem.removeprefix("model_")) for path in work.glob("model_*.pt"))
     assert 0 < done < 399
 
+
+@pytest.mark.faults
+def test_two_interrupts_end_at_once(tmp_path):
+    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": REPOSITORY}
     runner = subprocess.Popen(command(tmp_path), **quiet)
     wait_for_training(tmp_path)
     runner.send_signal(signal.SIGINT)
