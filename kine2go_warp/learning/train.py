@@ -89,14 +89,15 @@ def train(
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
     task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop)
-    try:
-        return task.run(record, start)
-    except TrainingDiverged as error:
-        if record.restarts:
-            raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
-        reason = str(error)
-    # Outside the handler, which would keep the first attempt's worlds in memory.
-    return task.run(begin_again(policy, reason, on_note), None)
+    while True:
+        try:
+            return task.run(record, start)
+        except TrainingDiverged as error:
+            if record.restarts:
+                raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
+            reason = str(error)
+        # Outside the handler, which would keep the first attempt's worlds in memory.
+        record, start = begin_again(policy, reason, on_note), None
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
