@@ -189,25 +189,49 @@ def test_training_that_is_killed_at_any_of_twenty_moments_ends_with_the_same_bit
     kill_at_random_moments(clip, tmp_path, 20)
 
 
-@pytest.mark.faults
-def test_no_process_outlives_a_training_that_is_killed(clip, tmp_path):
+@pytest.fixture
+def long_training(clip, tmp_path):
+    """A command in a process group of its own that trains in two processes, and has written a checkpoint."""
     clip.save(tmp_path / "clip.npz")
     command = ["train", "clip.npz", "--out", "policy", "--device", "cpu", "--num-worlds", "16", "--processes", "2"]
-    script = f"from kine2go_warp.cli.main import main; main({[*command, '--iterations', '500']})"
+    script = f"import sys; from kine2go_warp.cli.main import main; sys.exit(main({[*command, '--iterations', '5000']}))"
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     parent = subprocess.Popen(
-        [sys.executable, "-c", script], cwd=tmp_path, env={**os.environ, "PYTHONPATH": REPOSITORY}
+        [sys.executable, "-c", script], cwd=tmp_path, env=environment, start_new_session=True, stderr=subprocess.PIPE
     )
     deadline = time.monotonic() + 300.0
     while not PolicyFolder(tmp_path / "policy").checkpoints() and time.monotonic() < deadline:
         time.sleep(0.2)
     children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
     assert children
+    yield parent
     parent.kill()
     parent.wait()
     deadline = time.monotonic() + 60.0
     while any(is_running(child) for child in children):
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, "no process outlives its parent"
         time.sleep(0.5)
+
+
+@pytest.mark.faults
+def test_no_process_outlives_a_training_that_is_killed(long_training):
+    long_training.kill()
+    assert long_training.wait() == -signal.SIGKILL
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_whole_group_stops_with_a_checkpoint(long_training, tmp_path, number):
+    """As a terminal or ``timeout`` sends it: the processes that simulate must not die before their worlds are saved."""
+    os.killpg(long_training.pid, number)
+    errors = long_training.communicate(timeout=120.0)[1].decode()
+    assert long_training.returncode == 130, errors
+    assert "stopping after this iteration" in errors
+    assert "Traceback" not in errors
+    policy = PolicyFolder(tmp_path / "policy")
+    record = policy.read_record()
+    assert record.iterations == policy.iterations_done() > 0
+    assert resume_point(policy, 5000, pytest.fail).iterations == record.iterations
 
 
 def is_running(process: str) -> bool:

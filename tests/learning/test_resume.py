@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import pytest
 import torch
+import warp as wp
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.cli.progress import Progress
+from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import PRESETS, ROBUST
-from kine2go_warp.learning.train import ResumePoint, train
+from kine2go_warp.learning.runner import ImitationRunner
+from kine2go_warp.learning.train import ResumePoint, resume_point, train
+from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from tests.learning.helpers import StopAfter, assert_same_training
 
 ITERATIONS = 4
@@ -64,6 +68,29 @@ def test_a_resumed_training_gives_the_same_bits(clip, tmp_path, undisturbed, pre
     assert PolicyFolder(folder).read_record().complete
     # Where phases are weighted by failures, the number of processes matters.
     assert_same_training(folder, undisturbed(preset, 1 if preset == "fast" else processes[0]))
+
+
+ON_GPU = [pytest.mark.gpu, pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here")]
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=ON_GPU)])
+def test_a_restored_training_is_where_the_checkpoint_was_written(clip, tmp_path, device):
+    """On a GPU as well. What follows has the same bits on the CPU; a GPU adds in an order that differs each time."""
+    config = TrainConfig("robust", num_worlds=16, iterations=3)
+    with pytest.raises(TrainingInterrupted):
+        train([clip], config, tmp_path / "stopped", device, processes=1, should_stop=StopAfter(2))
+    start = resume_point(PolicyFolder(tmp_path / "stopped"), 3, pytest.fail)
+    assert start is not None
+    share_stream(device)
+    preset, again = config.resolve(device), PolicyFolder(tmp_path / "again")
+    env = ImitationVecEnv(ImitationEnvironment([clip], preset.env, device))
+    runner = ImitationRunner(env, preset.ppo, again.path, preset.env.seed)
+    runner.restore(start.checkpoint)
+    assert runner.current_learning_iteration == 2
+    runner.current_learning_iteration = 1
+    runner.save(str(again.checkpoint(1)))
+    assert_same_training(again.path, tmp_path / "stopped")
+    assert train([clip], config, tmp_path / "stopped", device, processes=1).complete
 
 
 def test_phases_learned_by_two_processes_are_continued_by_two(tmp_path):
