@@ -143,6 +143,7 @@ class ImitationRunner(OnPolicyRunner):
         self.logger.on_iteration = self._after_iteration
         self.watch = DivergenceWatch()
         self._earlier_faults = 0
+        self._saved = ""
         self._on_progress: ProgressCallback | None = None
         self._should_stop: StopCallback = lambda: False
 
@@ -180,9 +181,13 @@ class ImitationRunner(OnPolicyRunner):
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Write a checkpoint whole or not at all, and remove those that are no longer needed."""
+        if path == self._saved:
+            # RSL-RL saves the last iteration once more.
+            return
         values = {**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}
         write_checkpoint(Path(path), {**values, "training": self._training_state()})
         self.folder.keep_newest(KEPT_CHECKPOINTS)
+        self._saved = path
 
     def restore(self, checkpoint: dict[str, Any]) -> None:
         """Continue from a checkpoint, at the iteration after the one that it was written at.

@@ -43,9 +43,9 @@ def train(
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
 
-    What is continued goes on exactly: on the CPU it ends with the same bits as a training that was never interrupted,
-    also one that was asked for fewer iterations at first. A checkpoint that is damaged is set aside, and the one before
-    it is continued. A training that diverges begins again once, learning more slowly.
+    What is continued goes on exactly: on the CPU, with torch using as many threads, it ends with the same bits as a
+    training that was never interrupted, also if it was asked for fewer iterations at first. A checkpoint that is damaged
+    is set aside, and the one before it is continued. A training that diverges begins again once, learning more slowly.
 
     Args:
         clips: The clips to track.
@@ -89,14 +89,15 @@ def train(
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
     task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop)
-    try:
-        return task.run(record, start)
-    except TrainingDiverged as error:
-        if record.restarts:
-            raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
-        reason = str(error)
-    # Outside the handler, which would keep the first attempt's worlds in memory.
-    return task.run(begin_again(policy, reason, on_note), None)
+    while True:
+        try:
+            return task.run(record, start)
+        except TrainingDiverged as error:
+            if record.restarts:
+                raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
+            reason = str(error)
+        # Outside the handler, which would keep the first attempt's worlds in memory.
+        record, start = begin_again(policy, reason, on_note), None
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:

@@ -30,8 +30,18 @@ def test_two_processes_give_the_same_bits_as_one_and_a_dead_worker_is_reported(c
             assert torch.equal(getattr(two.buffers, name), expected), name
     assert ends > 7
     assert two.fault_count() == one.fault_count() == 0
+    # What one environment was, both become, and go on alike.
+    taken = one.snapshot()
+    one.step(torch.ones(7, 12))
+    for env in (one, two):
+        env.restore(taken)
+        env.step(torch.full((7, 12), 0.3))
+    for name, expected in two.snapshot().worlds.items():
+        assert expected.tobytes() == one.snapshot().worlds[name].tobytes(), name
     os.kill(two.workers[0].pid or 0, signal.SIGKILL)
     two.workers[0].join()
+    with pytest.raises(SimulationError, match=r"worlds 4 and up has died \(exit code -9\)"):
+        two.snapshot()
     with pytest.raises(SimulationError, match="has died"):
         two.step(torch.zeros(7, 12))
 

@@ -6,10 +6,10 @@ import torch
 
 from kine2go_warp.env.config import SolverConfig
 from kine2go_warp.errors import PolicyError, SimulationError
+from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST, PRESETS
-from kine2go_warp.learning.runner import load_checkpoint
 from kine2go_warp.learning.train import train
 
 TINY = TrainConfig(num_worlds=8, iterations=2)
