@@ -17,12 +17,12 @@ from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.pipelines.artefacts import RECORD
 from kine2go_warp.pipelines.engines.local import LocalEngine
 from kine2go_warp.pipelines.job import read_progress
+from kine2go_warp.pipelines.recipe import Recipe
 from kine2go_warp.pipelines.workspace import Workspace
 from kine2go_warp.robots import GO2
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
 from tests.pipelines.helpers import TINY, TWO, content, run, write_sources
-from tests.pipelines.run_process import SHORT
 
 
 @pytest.fixture(scope="module")
@@ -114,9 +114,9 @@ class Killer:
         return False
 
 
-def kill_workers(data: Path, folder: Path, places: list[tuple[str, str, int]]) -> None:
-    recipe = replace(SHORT, train=replace(SHORT.train, iterations=8))
-    engine = LocalEngine(2, "cpu", folder / "logs")
+def kill_workers(recipe: Recipe, data: Path, folder: Path, places: list[tuple[str, str, int]]) -> None:
+    recipe = replace(recipe, train=replace(recipe.train, iterations=8))
+    engine = LocalEngine(len(recipe.motions), "cpu", folder / "logs")
     killer = Killer(engine, Workspace(folder / "killed"), list(places))
     result, listener = run(recipe, folder / "killed", data, engine, killer)
     assert result.failed == {}
@@ -127,8 +127,8 @@ def kill_workers(data: Path, folder: Path, places: list[tuple[str, str, int]]) -
     assert content(folder / "killed") == content(folder / "whole")
 
 
-def test_workers_that_are_killed_are_replaced_and_change_nothing(data, tmp_path):
-    kill_workers(data, tmp_path, [("dog_trot", "train", 3), ("ai4_dog_pace", "gather", 0)])
+def test_a_worker_that_is_killed_is_replaced_and_changes_nothing(data, tmp_path):
+    kill_workers(TINY, data, tmp_path, [("dog_trot", "train", 3)])
 
 
 @pytest.mark.faults
@@ -136,25 +136,23 @@ def test_ten_workers_that_are_killed_are_replaced_and_change_nothing(data, tmp_p
     rng = np.random.default_rng(0)
     for number in range(5):
         places = [(motion, "train", int(rng.integers(0, 8))) for motion in TWO.motions]
-        kill_workers(data, tmp_path / str(number), places)
+        kill_workers(TWO, data, tmp_path / str(number), places)
 
 
-def test_a_stage_that_kills_every_worker_fails_its_motion_alone(data, tmp_path):
+def test_a_stage_that_kills_every_worker_fails_its_motion(tmp_path):
     engine = LocalEngine(1, "cpu", tmp_path / "logs")
     deaths = 0
 
     def kill_trainings() -> bool:
         nonlocal deaths
-        busy = [worker for worker in engine._workers if worker is not None and worker.job is not None]
-        for worker in busy:
-            if worker.job.motion == "ai4_dog_pace" and worker.stage == "train":
-                os.kill(worker.process.pid, signal.SIGKILL)
-                deaths += 1
+        worker = engine.worker_of("dog_trot")
+        if worker is not None and worker.stage == "train":
+            os.kill(worker.process.pid, signal.SIGKILL)
+            deaths += 1
         return False
 
-    result, _ = run(TWO, tmp_path / "run", data, engine, kill_trainings)
-    assert result.finished == ("dog_trot",)
-    assert result.failed["ai4_dog_pace"].why.startswith("its worker died 3 times")
+    result, _ = run(TINY, tmp_path / "run", None, engine, kill_trainings)
+    assert result.failed["dog_trot"].why.startswith("its worker died 3 times, last: worker 0 died (signal 9)")
     assert deaths >= 3
 
 
