@@ -44,8 +44,8 @@ def train(
     """Train a policy, or continue a training that was interrupted.
 
     What is continued goes on exactly: on the CPU, with torch using as many threads, it ends with the same bits as a
-    training that was never interrupted, also if fewer iterations were asked for at first. A damaged checkpoint
-    is set aside, and the one before it is continued. A training that diverges begins again once, learning more slowly.
+    training that was never interrupted, also if it was asked for fewer iterations at first. A damaged checkpoint is set
+    aside, and the one before it is continued. A training that diverges begins again once, learning more slowly.
 
     Args:
         clips: The clips to track.
