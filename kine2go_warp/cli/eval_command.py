@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
 if TYPE_CHECKING:
@@ -47,13 +46,10 @@ class Eval:
         from kine2go_warp.device import choose_device
         from kine2go_warp.evaluation.evaluate import evaluate
         from kine2go_warp.evaluation.plots import draw_phases
-        from kine2go_warp.evaluation.report import write_json
+        from kine2go_warp.evaluation.report import check_output, write_evaluation
         from kine2go_warp.learning.policy import PolicyFolder
 
-        if self.json is not None and self.json.is_dir():
-            raise PolicyError(f"{self.json}: is a folder; name a file for the results")
-        if self.json is not None and self.json.exists() and not self.overwrite:
-            raise PolicyError(f"{self.json}: exists; choose another name, or replace it with --overwrite")
+        check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
         limit_threads()
@@ -62,7 +58,7 @@ class Eval:
             progress.stage(policy.path.resolve().name, "eval")
             results = evaluate(policy, self.config, device, progress.advanced)
         path = self.json or policy.path / "eval.json"
-        write_json(policy, self.config, results, device, path)
+        write_evaluation(policy, self.config, results, device, path)
         pictures = [
             draw_phases(clip, results, path.with_name(f"{path.stem}_{clip}.png"))
             for clip in dict.fromkeys(one.clip for one in results)

@@ -1,5 +1,6 @@
 """The command that exports a policy."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +32,7 @@ class ExportPolicy:
         policy = PolicyFolder(self.policy)
         out = self.out or default_folder(policy)
         output = console()
-        with output.status("exporting") if output.is_terminal else output.capture():
+        with output.status("exporting") if output.is_terminal else nullcontext():
             metadata = export_policy(policy, out, self.overwrite)
         parity = metadata.parity
         names = ", ".join(sorted(path.name for path in out.iterdir()))

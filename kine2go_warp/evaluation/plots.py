@@ -9,7 +9,10 @@ from kine2go_warp.evaluation.evaluate import NOISES, WORLDS, condition_name
 from kine2go_warp.evaluation.figures import TARGETS, Result
 from kine2go_warp.scores.plots import COLOURS, PHASE_BINS, new_figure, save
 
-PANELS = (("joint_error", "joint_rmse", "joint RMSE [rad]", 1.0), ("root_error", "root_error", "root error [cm]", 100.0))
+PANELS = (
+    ("joint_error", "joint_rmse", "joint RMSE [rad]", 1.0),
+    ("root_error", "root_error", "root error [cm]", 100.0),
+)
 """Curve, the figure that has a target, label, and factor to the label's unit."""
 
 
@@ -33,7 +36,9 @@ def draw_phases(clip: str, results: Sequence[Result], path: Path) -> Path:
                 low, middle, high = factor * getattr(found[condition_name(noise, world)], curve)
                 axes.fill_between(phase, low, high, color=colour, alpha=0.25, linewidth=0.0)
                 axes.plot(phase, middle, color=colour, label=noise)
-            axes.axhline(factor * TARGETS[target], color="0.3", linestyle="--", linewidth=1.0, label="target of the mean")
+            axes.axhline(
+                factor * TARGETS[target], color="0.3", linestyle="--", linewidth=1.0, label="target of the mean"
+            )
             axes.set_xlim(0.0, 1.0)
             axes.set_ylim(bottom=0.0)
             axes.grid(color="0.9")

@@ -5,24 +5,69 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
+from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.evaluation.figures import METRICS_BY_NAME, TARGET_SURVIVAL, TARGETS, Result
+from kine2go_warp.evaluation.figures import METRICS_BY_NAME, NEWTON_FIGURES, TARGET_SURVIVAL, TARGETS, Result
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.revision import revision
 from kine2go_warp.scores.statistics import Estimate
 from kine2go_warp.settings import to_dictionary
 
+if TYPE_CHECKING:
+    from kine2go_warp.evaluation.sim2sim import Comparison
+
 FORMAT_VERSION = 1
 
 
-def write_json(policy: PolicyFolder, config: EvalConfig, results: Sequence[Result], device: str, path: Path) -> None:
-    """Write settings and results, whole or not at all."""
+def check_output(path: Path | None, overwrite: bool) -> None:
+    """Check that a file may be written that somebody has named.
+
+    Raises:
+        PolicyError: it may not.
+    """
+    if path is not None and path.is_dir():
+        raise PolicyError(f"{path}: is a folder; name a file for the results")
+    if path is not None and path.exists() and not overwrite:
+        raise PolicyError(f"{path}: exists; choose another name, or replace it with --overwrite")
+
+
+def write_evaluation(
+    policy: PolicyFolder, config: EvalConfig, results: Sequence[Result], device: str, path: Path
+) -> None:
+    """Write settings and results of an evaluation, whole or not at all."""
     env = policy.read_record().preset.env
     values = {
+        **heading(policy, config, device),
+        "randomised_environment": to_dictionary(config.environment(env, True, config.worlds)),
+        "targets": {**TARGETS, "survival": TARGET_SURVIVAL},
+        "results": [described(one, env.control_rate) for one in results],
+    }
+    write(values, path)
+
+
+def write_comparison(
+    policy: PolicyFolder, config: EvalConfig, found: "Sequence[Comparison]", device: str, path: Path
+) -> None:
+    """Write settings and results of a comparison of simulators, whole or not at all."""
+    env = policy.read_record().preset.env
+    clips = [
+        {
+            "clip": one.newton.clip,
+            "roots_apart": {f"{time:g} s": finite(distance) for time, distance in one.apart.items()},
+            "results": [described(result, env.control_rate) for result in (one.newton, one.mujoco)],
+        }
+        for one in found
+    ]
+    write({**heading(policy, config, device), "clips": clips}, path)
+
+
+def heading(policy: PolicyFolder, config: EvalConfig, device: str) -> dict[str, Any]:
+    """Return what was evaluated, how, and with what software."""
+    return {
         "format_version": FORMAT_VERSION,
         "software_version": __version__,
         "revision": revision(),
@@ -30,11 +75,12 @@ def write_json(policy: PolicyFolder, config: EvalConfig, results: Sequence[Resul
         "checkpoint_sha256": policy.checkpoint_hash(),
         "device": device,
         "settings": to_dictionary(config),
-        "randomised_environment": to_dictionary(config.environment(env, True, config.worlds)),
-        "targets": {**TARGETS, "survival": TARGET_SURVIVAL},
-        "units": {name: METRICS_BY_NAME[name].unit for name in results[0].figures},
-        "results": [described(one, env.control_rate) for one in results],
+        "units": {name: METRICS_BY_NAME[name].unit for name in NEWTON_FIGURES},
     }
+
+
+def write(values: dict[str, Any], path: Path) -> None:
+    """Write JSON values."""
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(values, indent=1, allow_nan=False) + "\n")
 
