@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
 if TYPE_CHECKING:
@@ -42,16 +43,18 @@ class Eval:
 
     def run(self) -> int:
         """Evaluate with a progress bar, write and draw, and print a table."""
-        from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.device import choose_device
-        from kine2go_warp.evaluation.evaluate import evaluate
-        from kine2go_warp.evaluation.plots import draw_phases
-        from kine2go_warp.evaluation.report import check_output, write_evaluation
         from kine2go_warp.learning.policy import PolicyFolder
 
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.evaluation.evaluate import evaluate
+        from kine2go_warp.evaluation.plots import draw_phases
+        from kine2go_warp.evaluation.report import write_evaluation
+
         limit_threads()
         device = choose_device(self.device)
         with Progress() as progress:
@@ -66,6 +69,18 @@ class Eval:
         print_results(policy.path, self.config, results)
         print(f"{path}: all figures with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
         return 0
+
+
+def check_output(path: Path | None, overwrite: bool) -> None:
+    """Check that a file may be written that somebody has named.
+
+    Raises:
+        PolicyError: it may not.
+    """
+    if path is not None and path.is_dir():
+        raise PolicyError(f"{path}: is a folder; name a file for the results")
+    if path is not None and path.exists() and not overwrite:
+        raise PolicyError(f"{path}: exists; choose another name, or replace it with --overwrite")
 
 
 def shown(pictures: Sequence[Path]) -> str:

@@ -22,14 +22,17 @@ class ExportPolicy:
 
     def run(self) -> int:
         """Export and say what was written."""
+        from kine2go_warp.learning.policy import PolicyFolder
+
+        policy = PolicyFolder(self.policy)
+        policy.read_record()
+        limit_threads()
+
         from kine2go_warp.cli.tables import console
         from kine2go_warp.deployment.export import default_folder, export_policy
         from kine2go_warp.device import start_warp
-        from kine2go_warp.learning.policy import PolicyFolder
 
-        limit_threads()
         start_warp()
-        policy = PolicyFolder(self.policy)
         out = self.out or default_folder(policy)
         output = console()
         with output.status("exporting") if output.is_terminal else nullcontext():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.eval_command import HEADLINES
+from kine2go_warp.cli.eval_command import HEADLINES, check_output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,19 +39,21 @@ class Sim2Sim:
 
     def run(self) -> int:
         """Export if need be, simulate with a progress bar, write, and print a table."""
-        from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.deployment.controller import ExportedPolicy
-        from kine2go_warp.deployment.export import default_folder, export_policy
-        from kine2go_warp.device import choose_device
         from kine2go_warp.evaluation.config import EvalConfig
-        from kine2go_warp.evaluation.report import check_output, write_comparison
-        from kine2go_warp.evaluation.sim2sim import sim2sim
         from kine2go_warp.learning.policy import PolicyFolder
 
         config = EvalConfig(worlds=self.worlds, seconds=self.seconds, seed=self.seed)
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.deployment.controller import ExportedPolicy
+        from kine2go_warp.deployment.export import default_folder, export_policy
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.evaluation.report import write_comparison
+        from kine2go_warp.evaluation.sim2sim import sim2sim
+
         limit_threads()
         device = choose_device(self.device)
         folder = self.exported or default_folder(policy)

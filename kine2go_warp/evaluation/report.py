@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
-from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.evaluation.figures import METRICS_BY_NAME, NEWTON_FIGURES, TARGET_SURVIVAL, TARGETS, Result
 from kine2go_warp.files import atomic_file
@@ -21,18 +20,6 @@ if TYPE_CHECKING:
     from kine2go_warp.evaluation.sim2sim import Comparison
 
 FORMAT_VERSION = 1
-
-
-def check_output(path: Path | None, overwrite: bool) -> None:
-    """Check that a file may be written that somebody has named.
-
-    Raises:
-        PolicyError: it may not.
-    """
-    if path is not None and path.is_dir():
-        raise PolicyError(f"{path}: is a folder; name a file for the results")
-    if path is not None and path.exists() and not overwrite:
-        raise PolicyError(f"{path}: exists; choose another name, or replace it with --overwrite")
 
 
 def write_evaluation(

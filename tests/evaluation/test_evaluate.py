@@ -8,9 +8,9 @@ from PIL import Image
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.evaluation.evaluate import CONDITIONS
+from kine2go_warp.evaluation.report import finite
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.motions.clip import MotionClip
 
 
 @pytest.fixture
@@ -47,18 +47,8 @@ def test_the_command_reports_every_clip_under_every_condition(two_clips, capsys)
             assert min(picture.size) > 400
 
 
-def test_standing_still_costs_no_transport_and_json_has_no_nan(two_clips, tmp_path):
-    standing = MotionClip.load(two_clips.path / "standing.npz")
-    record = two_clips.read_record()
-    two_clips.write_record(type(record)(FAST, ("standing.npz",), "", 1, 0.0))
-    assert standing.cycle.x == 0.0
-    file = tmp_path / "standing.json"
-    arguments = ["eval", str(two_clips.path), "--worlds", "2", "--seconds", "0.5", "--json", str(file)]
-    assert main([*arguments, "--device", "cpu"]) == 0
-    first = json.loads(file.read_text(), parse_constant=pytest.fail)["results"][0]
-    assert first["cost_of_transport"]["value"] is None
-    assert first["power"]["value"] > 0.0
-    assert not (two_clips.path / "eval.json").exists()
+def test_json_has_no_nan():
+    assert [finite(value) for value in (float("nan"), float("inf"), 7, 0.123456789)] == [None, None, 7, 0.1234568]
 
 
 def test_a_file_that_is_there_is_kept(policy, tmp_path, capsys):
