@@ -143,6 +143,22 @@ def draw_episodes(
 
 
 @wp.kernel
+def choose_episodes(
+    clips: ReferenceClips,
+    placement: Placement,
+    clip: wp.array(dtype=int),
+    phase: wp.array(dtype=float),
+    heading: wp.array(dtype=float),
+):
+    """Give every world's episode another clip, phase and heading [rad], at the same place on the ground."""
+    world = wp.tid()
+    frame = frame_at(clips, placement, world, 0.0)
+    position = wp.transform_get_translation(reference_root(clips, placement, world, frame))
+    place = wp.vec2(position[0], position[1])
+    place_reference(clips, placement, world, clip[world], phase[world], heading[world], place)
+
+
+@wp.kernel
 def reset_joints(
     done: wp.array(dtype=wp.int64),
     seed: wp.array(dtype=wp.uint32),

@@ -12,6 +12,7 @@ import zarr
 
 from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
+from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import RenderError
@@ -105,6 +106,14 @@ def policy(clip: MotionClip, tmp_path_factory: pytest.TempPathFactory) -> Policy
     folder = tmp_path_factory.mktemp("policy") / clip.name
     train([clip], TrainConfig(num_worlds=16, iterations=3), folder, "cpu")
     return PolicyFolder(folder)
+
+
+@pytest.fixture(scope="session")
+def exported(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That policy, exported."""
+    folder = tmp_path_factory.mktemp("exported") / "trot"
+    export_policy(policy, folder)
+    return folder
 
 
 @pytest.fixture(scope="session")

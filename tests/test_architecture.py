@@ -19,6 +19,18 @@ ALLOWED = {
     "learning": {"learning", "env", "kernels", "motions", "robots"},
     "dataset": {"dataset", "robots"},
     "rollouts": {"rollouts", "scores", "dataset", "learning", "env", "kernels", "motions", "robots"},
+    "deployment": {"deployment", "learning", "env", "motions", "robots"},
+    "evaluation": {
+        "evaluation",
+        "deployment",
+        "rollouts",
+        "scores",
+        "learning",
+        "env",
+        "kernels",
+        "motions",
+        "robots",
+    },
     "exports": {"exports", "dataset"},
     "recordings": {"recordings", "dataset", "motions", "robots"},
     "scores": {"scores", "dataset", "robots"},
@@ -35,6 +47,8 @@ ALLOWED = {
         "recordings",
         "scores",
         "exports",
+        "evaluation",
+        "deployment",
         "rollouts",
         "dataset",
         "learning",
@@ -118,6 +132,22 @@ assert main("gather policy --out data.zarr --device cpu --trajectories 2 --rows 
             " --max-joint-limit 2 --max-torque-saturation 2 --max-action-saturation 2".split()) == 0
 """
     run_without(("placo", "pinocchio", "rerun"), script, tmp_path)
+
+
+def test_driving_a_robot_with_an_exported_policy_needs_no_simulator_and_no_torch(exported, tmp_path):
+    script = f"""
+import numpy as np
+from pathlib import Path
+from kine2go_warp.deployment.controller import ExportedPolicy, PolicyController
+from kine2go_warp.deployment.observer import MeasuredState
+policy = ExportedPolicy.load(Path({str(exported)!r}))
+controller = PolicyController(policy)
+controller.begin(phase=0.5, ground=(0.0, 0.0), turn=1.0)
+standing = np.array(policy.metadata.default_joint_position)
+state = MeasuredState(np.array([0.0, 0.0, 0.3]), np.array([1.0, 0, 0, 0]), *np.zeros((2, 3)), standing, np.zeros(12))
+assert [controller.act(state).shape for _ in range(3)] == [(12,)] * 3
+"""
+    run_without(("torch", "newton", "warp", "mujoco", "rsl_rl", "zarr", "rerun", "placo"), script, tmp_path)
 
 
 def test_files_fit_in_a_head():

@@ -9,7 +9,9 @@ import tyro
 from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Doctor, Gather, Train
+from kine2go_warp.cli.eval_command import Eval
 from kine2go_warp.cli.export_command import Export
+from kine2go_warp.cli.export_policy_command import ExportPolicy
 from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
 from kine2go_warp.cli.quality_command import Quality
 from kine2go_warp.cli.render_command import Render
@@ -18,11 +20,13 @@ from kine2go_warp.cli.report_command import Report
 from kine2go_warp.cli.review_command import Review
 from kine2go_warp.cli.run_command import Demo, Run, Status
 from kine2go_warp.cli.score_command import Score
+from kine2go_warp.cli.sim2sim_command import Sim2Sim
 from kine2go_warp.errors import Kine2GoError, explain
 
 Command = (
     Annotated[Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[Gather, tyro.conf.subcommand("gather")]
     | Annotated[Quality, tyro.conf.subcommand("quality")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
@@ -36,6 +40,8 @@ Command = (
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Export, tyro.conf.subcommand("export")]
+    | Annotated[ExportPolicy, tyro.conf.subcommand("export-policy")]
+    | Annotated[Sim2Sim, tyro.conf.subcommand("sim2sim")]
     | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
@@ -50,14 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted.
     """
-    command = tyro.cli(
-        Command,  # pyright: ignore[reportArgumentType]
-        prog="kine2go",
-        description="From quadruped motion clips to state-action data for the Unitree Go2.",
-        args=arguments,
-        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
-    )
     try:
+        command = tyro.cli(
+            Command,  # pyright: ignore[reportArgumentType]
+            prog="kine2go",
+            description="From quadruped motion clips to state-action data for the Unitree Go2.",
+            args=arguments,
+            config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
+        )
         return command.run()
     except Kine2GoError as error:
         return report(str(error))

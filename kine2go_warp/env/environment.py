@@ -8,7 +8,7 @@ import warp as wp
 
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.episodes import Episodes
+from kine2go_warp.env.episodes import Episodes, EpisodeStarts
 from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.env.motors import NUM_JOINTS, Motors
 from kine2go_warp.env.observations import observation_size
@@ -85,17 +85,18 @@ class ImitationEnvironment:
             else:
                 self._step()
 
-    def restart(self, seed: int, first_world: int | None = None) -> None:
+    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStarts | None = None) -> None:
         """Make all worlds anew from a seed, and begin an episode in each.
 
         Args:
             seed: Seed of all worlds.
             first_world: Number of the first one, by default that of the environment.
+            starts: Where these first episodes begin; by default drawn, as for all later ones.
         """
         with wp.ScopedDevice(self.device):
             self.episodes.restart(seed, first_world)
             self.randomization.draw_bodies()
-            self._begin_episodes()
+            self._begin_episodes(starts)
             self._observe()
             self.episodes.done.zero_()
 
@@ -186,10 +187,12 @@ class ImitationEnvironment:
             ],
         )
 
-    def _begin_episodes(self) -> None:
+    def _begin_episodes(self, starts: EpisodeStarts | None = None) -> None:
         """Start a new episode in every world that is done."""
         episodes, simulation = self.episodes, self.simulation
         episodes.begin()
+        if starts is not None:
+            episodes.choose(starts)
         self.randomization.begin()
         drawn = [*episodes.drawn, episodes.clips, episodes.placement]
         wp.launch(

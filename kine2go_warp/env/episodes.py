@@ -1,9 +1,11 @@
 """The episodes of all worlds: which clip each one tracks from where on, and when and why it ends."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from kine2go_warp.env.clips import make_placement, upload_clips
 from kine2go_warp.env.config import EnvConfig
@@ -12,6 +14,18 @@ from kine2go_warp.kernels import phase_sampling, resets
 from kine2go_warp.kernels.phase_sampling import PhaseTable
 from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.motions.clip import MotionClip
+
+
+@dataclass(frozen=True)
+class EpisodeStarts:
+    """Where the next episode of each world begins, instead of being drawn; every array has shape [num_worlds]."""
+
+    clip: NDArray[np.int32]
+    """Index of the clip."""
+    phase: NDArray[np.float32]
+    """Place in the cycle, in [0, 1)."""
+    heading: NDArray[np.float32]
+    """Turn of the reference about the world's z axis [rad]."""
 
 
 class Episodes:
@@ -84,6 +98,12 @@ class Episodes:
                 self.length,
             ],
         )
+
+    def choose(self, starts: EpisodeStarts) -> None:
+        """Let the episodes that have just been drawn begin elsewhere in the clips."""
+        chosen = [wp.array(starts.clip, dtype=int), wp.array(starts.phase, dtype=float)]
+        inputs = [self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
+        wp.launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)
 
 
 def world_seeds(seed: int, num_worlds: int, first_world: int = 0) -> np.ndarray:

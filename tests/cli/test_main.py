@@ -32,7 +32,7 @@ def kine2go(*arguments, cwd, **options):
 
 
 COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "export", "sources"]
-COMMANDS += ["quality", "replay", "cycles", "bench", "doctor"]
+COMMANDS += ["quality", "replay", "cycles", "bench", "doctor", "eval", "export-policy", "sim2sim"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -52,6 +52,10 @@ BAD_INPUT = {
     "wrong clip": ("train wrong.npz", "not a clip"),
     "folder for a clip": ("train .", "not a clip"),
     "missing policy": ("gather policy", "no policy here"),
+    "evaluation of nothing": ("eval policy", "no policy here"),
+    "evaluation of no worlds": ("eval policy --worlds 0", "worlds must be at least 1"),
+    "export of nothing": ("export-policy policy", "no policy here"),
+    "sim2sim of nothing": ("sim2sim policy", "no policy here"),
     "missing recipe": ("run recipe.toml", "no such recipe"),
     "wrong recipe": ("run wrong.toml", "unknown key"),
     "recipe without data": ("run smoke", "--data"),

@@ -1,0 +1,120 @@
+"""The command that evaluates a policy."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.evaluation.config import EvalConfig
+
+if TYPE_CHECKING:
+    from kine2go_warp.evaluation.figures import Result
+
+HEADLINES = {
+    "joint_rmse": "joint\nRMSE\n[rad]",
+    "root_error": "root\nerror\n[m]",
+    "root_angle": "root\nangle\n[rad]",
+    "foot_error": "foot\nerror\n[m]",
+    "action_rate": "action\nrate\n[1]",
+    "torque_saturation": "torque\nat limit\n[1]",
+    "power": "power\n[W]",
+    "cost_of_transport": "cost of\ntransport\n[1]",
+}
+"""Figures that are shown, with their headings."""
+
+
+@dataclass(frozen=True)
+class Eval:
+    """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes."""
+
+    policy: tyro.conf.Positional[Path]
+    """Policy folder made by 'kine2go train'."""
+    json: Path | None = None
+    """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
+    overwrite: bool = False
+    """Replace the file if it is there; the one in the policy folder always is."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    config: EvalConfig = field(default_factory=EvalConfig)
+
+    def run(self) -> int:
+        """Evaluate with a progress bar, write and draw, and print a table."""
+        from kine2go_warp.learning.policy import PolicyFolder
+
+        check_output(self.json, self.overwrite)
+        policy = PolicyFolder(self.policy)
+        policy.read_record()
+
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.evaluation.evaluate import evaluate
+        from kine2go_warp.evaluation.plots import draw_phases
+        from kine2go_warp.evaluation.report import write_evaluation
+
+        limit_threads()
+        device = choose_device(self.device)
+        with Progress() as progress:
+            progress.stage(policy.path.resolve().name, "eval")
+            results = evaluate(policy, self.config, device, progress.advanced)
+        path = self.json or policy.path / "eval.json"
+        write_evaluation(policy, self.config, results, device, path)
+        pictures = [
+            draw_phases(clip, results, path.with_name(f"{path.stem}_{clip}.png"))
+            for clip in dict.fromkeys(one.clip for one in results)
+        ]
+        print_results(policy.path, self.config, results)
+        print(f"{path}: all figures with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
+        return 0
+
+
+def check_output(path: Path | None, overwrite: bool) -> None:
+    """Check that a file may be written that somebody has named.
+
+    Raises:
+        PolicyError: it may not.
+    """
+    if path is not None and path.is_dir():
+        raise PolicyError(f"{path}: is a folder; name a file for the results")
+    if path is not None and path.exists() and not overwrite:
+        raise PolicyError(f"{path}: exists; choose another name, or replace it with --overwrite")
+
+
+def shown(pictures: Sequence[Path]) -> str:
+    """Return the names of a few pictures."""
+    return ", ".join(map(str, pictures[:3])) + (f" and {len(pictures) - 3} more" if len(pictures) > 3 else "")
+
+
+def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]") -> None:
+    """Print a line for each clip and condition."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from kine2go_warp.cli.score_command import figure
+    from kine2go_warp.cli.tables import console
+    from kine2go_warp.evaluation.figures import TARGET_SURVIVAL, TARGETS
+
+    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
+    table = Table(title=escape(title), title_justify="left")
+    for heading in ("clip", "condition"):
+        table.add_column(heading, overflow="fold")
+    table.add_column(escape("survival\n[1]\n(95 %)"), justify="right")
+    for heading in HEADLINES.values():
+        table.add_column(escape(heading), justify="right")
+    table.add_column("meets\ntargets", justify="right")
+    for one in results:
+        survival = one.survival
+        share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
+        figures = (figure(one.estimate(name).value) for name in HEADLINES)
+        table.add_row(one.clip, one.condition, share, *figures, "yes" if one.meets_targets else "no")
+    output = console()
+    output.print(table)
+    targets = ", ".join(f"{name} <= {value:g}" for name, value in TARGETS.items())
+    output.print(f"targets: {targets}, survival >= {TARGET_SURVIVAL:g}", highlight=False, soft_wrap=True)
+    for one in results:
+        if one.reasons:
+            early = ", ".join(f"{count} by {reason}" for reason, count in one.reasons.items())
+            output.print(f"ended early: {one.clip}, {one.condition}: {early}", highlight=False, soft_wrap=True)

@@ -1,0 +1,101 @@
+"""The command that carries a policy over into another simulator."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.eval_command import HEADLINES, check_output
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kine2go_warp.evaluation.config import EvalConfig
+    from kine2go_warp.evaluation.sim2sim import Comparison
+
+
+@dataclass(frozen=True)
+class Sim2Sim:
+    """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton."""
+
+    policy: tyro.conf.Positional[Path]
+    """Policy folder made by 'kine2go train'."""
+    exported: Path | None = None
+    """Its export; by default export in the policy folder, which is made if it is missing."""
+    worlds: int = 32
+    """Rollouts of each clip; their beginnings are spread evenly over the cycle."""
+    seconds: float = 20.0
+    """Length of a rollout [s]."""
+    seed: int = 1
+    """Seed of what differs between the beginnings."""
+    json: Path | None = None
+    """Write the results to this file; by default sim2sim.json in the policy folder."""
+    overwrite: bool = False
+    """Replace the file if it is there; the one in the policy folder always is."""
+    device: str | None = None
+    """Where Newton simulates, cpu or cuda; by default cuda where there is one."""
+
+    def run(self) -> int:
+        """Export if need be, simulate with a progress bar, write, and print a table."""
+        from kine2go_warp.evaluation.config import EvalConfig
+        from kine2go_warp.learning.policy import PolicyFolder
+
+        config = EvalConfig(worlds=self.worlds, seconds=self.seconds, seed=self.seed)
+        check_output(self.json, self.overwrite)
+        policy = PolicyFolder(self.policy)
+        policy.read_record()
+
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.deployment.controller import ExportedPolicy
+        from kine2go_warp.deployment.export import default_folder, export_policy
+        from kine2go_warp.device import choose_device
+        from kine2go_warp.evaluation.report import write_comparison
+        from kine2go_warp.evaluation.sim2sim import sim2sim
+
+        limit_threads()
+        device = choose_device(self.device)
+        folder = self.exported or default_folder(policy)
+        with Progress() as progress:
+            progress.stage(policy.path.resolve().name, "sim2sim")
+            if self.exported is None and not folder.exists():
+                export_policy(policy, folder)
+            found = sim2sim(policy, ExportedPolicy.load(folder), config, device, progress.advanced)
+        path = self.json or policy.path / "sim2sim.json"
+        write_comparison(policy, config, found, device, path)
+        print_comparisons(policy.path, config, found)
+        print(f"{path}: all figures with intervals and of every rollout")
+        return 0
+
+
+def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Comparison]") -> None:
+    """Print two lines for each clip, and how far the simulations part."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from kine2go_warp.cli.score_command import figure
+    from kine2go_warp.cli.tables import console
+
+    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same beginnings"
+    table = Table(title=escape(title), title_justify="left")
+    for heading in ("clip", "simulator"):
+        table.add_column(heading, overflow="fold")
+    table.add_column(escape("survival\n[1]\n(95 %)"), justify="right")
+    for heading in HEADLINES.values():
+        table.add_column(escape(heading), justify="right")
+    for one in found:
+        for result in (one.newton, one.mujoco):
+            survival = result.survival
+            share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
+            figures = (figure(result.estimate(name).value) for name in HEADLINES)
+            table.add_row(result.clip, result.condition, share, *figures)
+    output = console()
+    output.print(table)
+    for one in found:
+        parts = ", ".join(f"{1e3 * distance:.2g} mm after {time:g} s" for time, distance in one.apart.items())
+        output.print(f"{one.newton.clip}: roots apart (median): {parts}", highlight=False, soft_wrap=True)
+        for result in (one.newton, one.mujoco):
+            if result.reasons:
+                early = ", ".join(f"{count} by {reason}" for reason, count in result.reasons.items())
+                output.print(f"ended early: {result.clip}, {result.condition}: {early}", highlight=False)

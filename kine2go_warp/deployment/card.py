@@ -1,0 +1,67 @@
+"""The page that goes with an exported policy."""
+
+from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, OUTPUT_NAME, PolicyMetadata
+
+USAGE = f"""```python
+import json, numpy as np, onnxruntime
+
+session = onnxruntime.InferenceSession("policy.onnx")
+metadata = json.loads(session.get_modelmeta().custom_metadata_map["{METADATA_KEY}"])
+observation = np.zeros((1, metadata["observation"][-1]["stop"]), np.float32)  # as in the table below
+(output,) = session.run(["{OUTPUT_NAME}"], {{"{INPUT_NAME}": observation}})
+```
+
+TorchScript: `torch.jit.load("policy.pt")(observation)`. With kine2go-warp, `PolicyController` of
+`kine2go_warp.deployment.controller` builds the observations from measured states and returns joint targets."""
+
+
+def policy_card(metadata: PolicyMetadata) -> str:
+    """Return the page as Markdown."""
+    action = metadata.action
+    per_joint = zip(metadata.joint_names, metadata.default_joint_position, metadata.torque_limit, strict=True)
+    joints = "\n".join(f"| `{name}` | {default:g} | {limit:g} |" for name, default, limit in per_joint)
+    rows = "\n".join(
+        f"| `{row.name}` | {row.start} | {row.stop} | {row.unit} | {row.description} |" for row in metadata.observation
+    )
+    clips = "\n".join(
+        f"- `{clip.file}`: {clip.num_frames} frames of {clip.frame_duration:.6g} s a cycle. "
+        f"Licence: {clip.licence or 'not known'}. Source: {clip.citation or 'not known'}."
+        for clip in metadata.clips
+    )
+    return f"""# {metadata.policy}
+
+A policy that tracks motion clips with a {metadata.robot}, trained for {metadata.iterations} iterations; exported by
+kine2go-warp {metadata.software_version}. `metadata.json` has all of this for machines; the same text is inside
+`policy.onnx` and `policy.pt`. The normaliser: {metadata.normaliser}. Both models give the policy's mean output; they
+differ from it by at most {metadata.parity.onnx:.1e} (ONNX) and {metadata.parity.torchscript:.1e} (TorchScript) on
+{metadata.parity.observations} observations.
+
+{USAGE}
+
+## From the output to torques
+
+- Once every 1/{metadata.control_rate:g} s: {action.meaning}.
+- scale {action.scale:g} rad; outputs are clipped to +-{action.clip:g}; reference_lead {action.reference_lead:g} control
+  steps; velocity_gain {action.velocity_gain:.6g} s.
+- {metadata.torque_rule} stiffness {metadata.stiffness:g} N m/rad, damping {metadata.damping:g} N m s/rad, physics_rate
+  {metadata.physics_rate:g} Hz, latency {1e3 * metadata.latency:.3g} ms.
+
+| joint | default position [rad] | torque limit [N m] |
+|---|---|---|
+{joints}
+
+## Clips
+
+The observation looks ahead in the clip, so that a clip is needed at run time. A cycle's end is its beginning moved on
+by the cycle's displacement; between frames positions are interpolated linearly and rotations along the shorter arc.
+
+{clips}
+
+## Observation
+
+{metadata.observation_size} numbers. {metadata.history_rule}
+
+| name | from | to | unit | meaning |
+|---|---|---|---|---|
+{rows}
+"""

@@ -1,0 +1,102 @@
+"""An exported policy that turns measured states into joint targets, with NumPy and ONNX Runtime alone."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, ONNX_FILE, OUTPUT_NAME, PolicyMetadata
+from kine2go_warp.deployment.observer import MeasuredState, ObservationBuilder
+from kine2go_warp.deployment.reference import PlacedClip
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.files import sha256_of
+from kine2go_warp.motions.clip import MotionClip
+
+
+def open_session(path: Path) -> Any:
+    """Open an ONNX model on one thread of the CPU.
+
+    Raises:
+        PolicyError: it is missing or cannot be read.
+    """
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 - ONNX Runtime raises errors of many kinds
+        raise PolicyError(f"{path}: not an ONNX model that can be read ({error.__class__.__name__})") from None
+
+
+@dataclass(frozen=True)
+class ExportedPolicy:
+    """What is in the folder of an exported policy."""
+
+    metadata: PolicyMetadata
+    session: Any
+    """Of ONNX Runtime."""
+    clips: tuple[MotionClip, ...]
+
+    @classmethod
+    def load(cls, folder: Path) -> "ExportedPolicy":
+        """Read model, metadata and clips; the metadata are those inside the model.
+
+        Raises:
+            PolicyError: the folder holds no exported policy, or another clip than the one exported.
+        """
+        path = folder / ONNX_FILE
+        if not path.is_file():
+            raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go export-policy'")
+        session = open_session(path)
+        text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY, "")
+        metadata = PolicyMetadata.from_json(text, str(path))
+        for clip in metadata.clips:
+            file = folder / clip.file
+            if not file.is_file() or sha256_of(file) != clip.sha256:
+                raise PolicyError(f"{file}: missing, or not the clip that was exported; export the policy again")
+        return cls(metadata, session, tuple(MotionClip.load(folder / clip.file) for clip in metadata.clips))
+
+    def infer(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the outputs of some observations, shapes [num_observations, size] and [num_observations, 12]."""
+        return self.session.run([OUTPUT_NAME], {INPUT_NAME: observation})[0]
+
+
+class PolicyController:
+    """Drives one robot: ``begin`` an episode, then ``act`` in every control step."""
+
+    def __init__(self, policy: ExportedPolicy, clip: int = 0) -> None:
+        """Track one of the policy's clips."""
+        self.policy, self.metadata = policy, policy.metadata
+        self.reference = PlacedClip(policy.clips[clip], self.metadata.control_rate)
+        self.observer = ObservationBuilder(self.metadata, self.reference)
+        self.begin(0.0, (0.0, 0.0), 0.0)
+
+    def begin(self, phase: float, ground: tuple[float, float], turn: float) -> None:
+        """Begin an episode; see ``PlacedClip.place``."""
+        self.reference.place(phase, ground, turn)
+        self.observer.begin()
+        self.last_output = np.zeros(len(self.metadata.joint_names), np.float32)
+        self.step = 0
+
+    def act(self, state: MeasuredState) -> NDArray[np.float64]:
+        """Return the joint targets that follow from what is measured now [rad], shape [12]."""
+        observation = self.observer.observe(state, self.last_output, self.step)
+        self.last_output = self.policy.infer(observation[None])[0]
+        target = self.joint_target(self.last_output)
+        self.step += 1
+        return target
+
+    def joint_target(self, output: NDArray) -> NDArray[np.float64]:
+        """Return the joint targets of an output of the present step [rad], shape [12]."""
+        action = self.metadata.action
+        if action.form == "joint_target":
+            return np.asarray(output, np.float64)
+        offset = action.scale * np.clip(np.asarray(output, np.float64), -action.clip, action.clip)
+        if action.form == "default_pose":
+            return np.array(self.metadata.default_joint_position) + offset
+        coming = self.step + action.reference_lead
+        feedforward = action.velocity_gain * self.reference.joint_velocity(coming)
+        return self.reference.joint_position(coming) + feedforward + offset

@@ -1,0 +1,192 @@
+"""What somebody needs to know to drive a robot with an exported policy, kept inside the exported files."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.settings import from_dictionary, to_dictionary
+
+FORMAT_VERSION = 1
+
+METADATA_KEY = "kine2go_policy"
+"""Under this key the metadata lie in the ONNX model, as JSON text."""
+ONNX_FILE = "policy.onnx"
+TORCHSCRIPT_FILE = "policy.pt"
+METADATA_FILE = "metadata.json"
+"""The same metadata to read; also the name of TorchScript's extra file, and what makes a folder an exported policy."""
+INPUT_NAME, OUTPUT_NAME = "observation", "output"
+
+ACTION_MEANINGS = {
+    "default_pose": "joint target = default_joint_position + scale * clipped output",
+    "reference": "joint target = reference joint position + velocity_gain * reference joint velocity + scale * clipped "
+    "output, the reference being that of reference_lead control steps from now: the clip is needed at run time",
+    "joint_target": "joint target = output, in radians, not clipped",
+}
+"""How each form of action becomes a joint target [rad]."""
+
+HISTORY_RULE = (
+    "NAME[t-k] is what NAME[t] was k control steps ago; at the beginning of an episode all ages hold the first state, "
+    "and last_output is zero. NAME[t+k] is the reference k control steps from now. last_output is the network's own "
+    "output, before scale and clip."
+)
+TORQUE_RULE = (
+    "torque = stiffness * (joint target - joint position) - damping * joint velocity, limited to +-torque_limit, at "
+    "physics_rate; a joint target rules from latency after the observation that it was computed from."
+)
+
+
+@dataclass(frozen=True)
+class ObservationRow:
+    """One row of the observation table."""
+
+    name: str
+    start: int
+    stop: int
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class ActionRule:
+    """How an output becomes joint targets."""
+
+    form: Literal["default_pose", "reference", "joint_target"]
+    scale: float
+    """Radians for an output of 1."""
+    clip: float
+    """Outputs are clipped to this magnitude."""
+    reference_lead: float
+    """Form ``reference``: how far ahead the reference is taken [control steps]."""
+    velocity_gain: float
+    """Form ``reference``: factor on the reference joint velocity [s]."""
+    needs_reference: bool
+    """Whether joint targets cannot be formed without the clip."""
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ReferenceClip:
+    """A clip that the policy tracks; the observation needs it, whatever the action is."""
+
+    name: str
+    file: str
+    """Beside the model."""
+    sha256: str
+    """Of the file."""
+    content_hash: str
+    """Of the motion."""
+    num_frames: int
+    """Frames of a cycle."""
+    frame_duration: float
+    """[s]"""
+    licence: str
+    citation: str
+
+
+@dataclass(frozen=True)
+class Parity:
+    """Largest difference between the exported models' outputs and the PyTorch policy's."""
+
+    onnx: float
+    torchscript: float
+    observations: int
+    """On how many observations, real and random."""
+
+
+@dataclass(frozen=True)
+class PolicyMetadata:
+    """Everything about an exported policy but its weights. Joint arrays are in the order of ``joint_names``."""
+
+    format_version: int
+    software_version: str
+    revision: str
+    """Commit of the software, where it is known."""
+    policy: str
+    """Name of the policy folder."""
+    iterations: int
+    """Iterations of training."""
+    checkpoint_sha256: str
+    fingerprint: str
+    """Hash of clips and settings of the training."""
+    robot: str
+    robot_model_sha256: str
+    """Of the URDF."""
+    joint_names: tuple[str, ...]
+    sdk_motor_order: tuple[str, ...]
+    """The joints in the order of the manufacturer's motor interface."""
+    default_joint_position: tuple[float, ...]
+    """[rad]"""
+    joint_lower: tuple[float, ...]
+    """[rad]"""
+    joint_upper: tuple[float, ...]
+    """[rad]"""
+    torque_limit: tuple[float, ...]
+    """[N m]"""
+    stiffness: float
+    """Of the PD law [N m/rad]."""
+    damping: float
+    """Of the PD law [N m s/rad]."""
+    torque_rule: str
+    control_rate: float
+    """[Hz]"""
+    physics_rate: float
+    """Steps of the training's physics and of its PD law [Hz]."""
+    latency: float
+    """Time from an observation to the moment when its joint target rules [s]."""
+    action: ActionRule
+    normaliser: str
+    """Where observations are normalised."""
+    observation: tuple[ObservationRow, ...]
+    history_rule: str
+    clips: tuple[ReferenceClip, ...]
+    parity: Parity
+
+    @property
+    def observation_size(self) -> int:
+        """Number of values in an observation."""
+        return self.observation[-1].stop
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in one control step."""
+        return round(self.physics_rate / self.control_rate)
+
+    @property
+    def latency_substeps(self) -> int:
+        """Latency [physics steps]."""
+        return round(self.latency * self.physics_rate)
+
+    def to_json(self) -> str:
+        """Return the metadata as JSON text."""
+        return json.dumps(to_dictionary(self), indent=1)
+
+    @classmethod
+    def from_json(cls, text: str, where: str) -> "PolicyMetadata":
+        """Read metadata.
+
+        Raises:
+            PolicyError: they are damaged or of another format version.
+        """
+        try:
+            values = json.loads(text)
+            version = values["format_version"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise PolicyError(f"{where}: holds no metadata that can be read ({error})") from None
+        if version != FORMAT_VERSION:
+            raise PolicyError(f"{where}: export format {version}, expected {FORMAT_VERSION}; export the policy again")
+        return from_dictionary(cls, values, where, PolicyError)
+
+
+def read_metadata(folder: Path) -> PolicyMetadata:
+    """Read the metadata of an exported policy from its file.
+
+    Raises:
+        PolicyError: there is none, or it cannot be read.
+    """
+    file = folder / METADATA_FILE
+    try:
+        return PolicyMetadata.from_json(file.read_text(), str(file))
+    except (FileNotFoundError, NotADirectoryError):
+        raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go export-policy'") from None

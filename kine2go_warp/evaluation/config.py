@@ -1,0 +1,76 @@
+"""Settings of an evaluation."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from kine2go_warp.env.config import (
+    EnvConfig,
+    PhaseSamplingConfig,
+    RandomizationConfig,
+    ResetConfig,
+    TerminationConfig,
+)
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.presets import ROBUST
+from kine2go_warp.rollouts.config import MILD
+
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+"""Multiples of it fill a circle evenly, whatever their number, and out of step with the phases."""
+
+RANDOMIZATIONS = {"mild": MILD, "robust": ROBUST.env.randomization}
+"""Named ranges: those of gathering, and those that the preset ``robust`` trains with."""
+
+
+@dataclass(frozen=True)
+class EvalConfig:
+    """Settings of an evaluation."""
+
+    worlds: int = 64
+    """Rollouts of each clip under each condition; their beginnings are spread evenly over the cycle."""
+    seconds: float = 20.0
+    """Length of a rollout [s]."""
+    randomization: Literal["mild", "robust"] = "mild"
+    """What differs between rollouts where something does: mild as in gathering, robust as in that preset."""
+    max_distance: float = 1.0
+    """A rollout ends when the root is farther than this from its reference [m]."""
+    max_angle: float = 1.5708
+    """A rollout ends when the root is turned from its reference by more than this [rad]."""
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.worlds < 1 or self.seed < 0:
+            raise PolicyError("worlds must be at least 1, and the seed not negative")
+        if not 0.1 <= self.seconds <= 3600.0:
+            raise PolicyError("seconds must be between 0.1 and 3600")
+        if self.max_distance <= 0.0 or self.max_angle <= 0.0:
+            raise PolicyError("max-distance and max-angle must be positive")
+
+    def rows(self, control_rate: float) -> int:
+        """Return the length of a rollout [control steps]."""
+        return round(self.seconds * control_rate)
+
+    def environment(self, trained: EnvConfig, randomised: bool, num_worlds: int) -> EnvConfig:
+        """Return the environment to evaluate in: that of the training, with the same limits for every policy."""
+        return replace(
+            trained,
+            num_worlds=num_worlds,
+            seed=self.seed,
+            # So long that no rollout ends by its time.
+            episode_time=self.seconds + 1.0,
+            reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
+            termination=TerminationConfig(self.max_distance, self.max_angle),
+            randomization=RANDOMIZATIONS[self.randomization] if randomised else RandomizationConfig(),
+            phase_sampling=PhaseSamplingConfig(),
+            privileged=False,
+        )
+
+    def start_phases(self) -> np.ndarray:
+        """Return where in the cycle the rollouts begin, in the middle of equal parts, shape [worlds]."""
+        return ((np.arange(self.worlds) + 0.5) / self.worlds).astype(np.float32)
+
+    def start_headings(self) -> np.ndarray:
+        """Return the headings that the rollouts begin with, all round [rad], shape [worlds]."""
+        turns = (np.arange(self.worlds) * GOLDEN) % 1.0
+        return (2.0 * np.pi * turns - np.pi).astype(np.float32)

@@ -1,0 +1,178 @@
+"""Rollouts of an exported policy in plain MuJoCo, the C engine: nothing of Newton's runs, and none of the kernels."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from kine2go_warp.deployment.controller import ExportedPolicy, PolicyController
+from kine2go_warp.deployment.observer import MeasuredState
+from kine2go_warp.deployment.rotations import matrix_of
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
+from kine2go_warp.env.simulation import Simulation
+from kine2go_warp.env.terrain import FLAT
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.evaluation.config import EvalConfig
+from kine2go_warp.evaluation.newton import Batch, Rows, Starts
+from kine2go_warp.kernels.contacts import ROLE_BODY
+from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots.kinematics import link_positions
+
+
+@dataclass
+class Track:
+    """What has been seen of one rollout, row by row."""
+
+    rows: dict[str, list[NDArray]]
+    failure: int = 0
+
+    def add(self, **values: Any) -> None:
+        """Add a row."""
+        for name, value in values.items():
+            self.rows.setdefault(name, []).append(np.array(value))
+
+
+class MujocoRollouts:
+    """Lets an exported policy drive one robot after the other in plain MuJoCo."""
+
+    def __init__(self, policy: ExportedPolicy, trained: EnvConfig, config: EvalConfig, spec: RobotSpec = GO2) -> None:
+        """Build the model: robot, ground and options are those of a world in Newton.
+
+        Args:
+            policy: The policy; gains, torque limits, rates and latency are those that its metadata tell.
+            trained: Settings of the training, for friction and the options of the solver.
+            config: Settings of the evaluation.
+            spec: The robot.
+
+        Raises:
+            PolicyError: the policy was trained on ground that is not flat.
+        """
+        if not trained.terrain.is_flat:
+            raise PolicyError(
+                f"plain MuJoCo has flat ground only, and this policy was trained on {trained.terrain.kind}"
+            )
+        metadata = policy.metadata
+        self.policy, self.config, self.spec = policy, config, spec
+        self.num_rows = config.rows(metadata.control_rate)
+        settings = replace(trained, num_worlds=1)
+        with wp.ScopedDevice("cpu"):
+            simulation = Simulation(spec, settings, FLAT, wp.get_device("cpu"))
+        self.is_body = simulation.geom_role.numpy() == int(ROLE_BODY)
+        motors = MotorState(
+            stiffness=np.full(12, metadata.stiffness),
+            damping=np.full(12, metadata.damping),
+            strength=np.ones(12),
+            offset=np.zeros(12),
+            delay=metadata.latency_substeps,
+        )
+        self.robot = MujocoRobot(simulation, settings, replace(spec, joint_effort=metadata.torque_limit), motors)
+
+    def run(self, clip: int, starts: Starts, on_rollout: Callable[[int], None] | None = None) -> Batch:
+        """Roll out from the given beginnings, one after the other.
+
+        Args:
+            clip: Index of the clip.
+            starts: Where the rollouts begin.
+            on_rollout: Called with the number of those that are done.
+        """
+        controller, tracks = PolicyController(self.policy, clip), []
+        for index in range(len(starts.phase)):
+            self.robot.set_state(starts.joint_q[index], starts.joint_qd[index])
+            self.robot.torque = np.zeros(12)
+            controller.begin(float(starts.phase[index]), (0.0, 0.0), float(starts.heading[index]))
+            tracks.append(self._roll_out(controller))
+            if on_rollout is not None:
+                on_rollout(index + 1)
+        length = np.array([len(track.rows["phase"]) for track in tracks])
+        completed = [self._completed(track) for track in tracks]
+
+        def rows(chosen: NDArray) -> Rows:
+            return {name: np.stack([completed[index][name] for index in chosen]) for name in completed[0]}
+
+        return Batch(rows, length, np.array([track.failure for track in tracks]), starts)
+
+    def measured(self) -> MeasuredState:
+        """Return what the robot measures now."""
+        data = self.robot.data
+        orientation = data.qpos[3:7].copy()
+        return MeasuredState(
+            root_position=data.qpos[:3].copy(),
+            root_orientation=orientation,
+            # MuJoCo gives the velocity of the base link origin in the world, and the turn rate in the base frame.
+            root_linear_velocity=data.qvel[:3].copy(),
+            root_angular_velocity=matrix_of(orientation) @ data.qvel[3:6],
+            joint_position=data.qpos[7:].copy(),
+            joint_velocity=data.qvel[FIRST_DOF:].copy(),
+        )
+
+    def _roll_out(self, controller: PolicyController) -> Track:
+        """Run one rollout to its end."""
+        track, state = Track({}), self.measured()
+        for step in range(self.num_rows):
+            root = controller.reference.root(step)
+            target = controller.act(state)
+            track.add(
+                root_position=state.root_position,
+                root_orientation=state.root_orientation,
+                joint_position=state.joint_position,
+                joint_velocity=state.joint_velocity,
+                joint_torque=self.robot.torque,
+                joint_target=target,
+                reference_root_position=root.position,
+                reference_root_rotation=root.rotation,
+                reference_joint_position=controller.reference.joint_position(step),
+                phase=controller.reference.phase(step),
+            )
+            self.robot.step(target)
+            state = self.measured()
+            track.failure = self._failure(state, controller, step + 1)
+            if track.failure:
+                break
+        return track
+
+    def _failure(self, state: MeasuredState, controller: PolicyController, step: int) -> int:
+        """Return why a rollout must end, 0 if it goes on; the limits and their order are the environment's."""
+        data, root = self.robot.data, controller.reference.root(step)
+        reason = "none"
+        if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+            reason = "non_finite"
+        elif self.is_body[data.contact.geom[data.contact.efc_address >= 0]].any():
+            reason = "body_contact"
+        elif np.linalg.norm(state.root_position - root.position) > self.config.max_distance:
+            reason = "distance"
+        elif turn_between(state.root_orientation, root.rotation) > self.config.max_angle:
+            reason = "rotation"
+        return REASON_NAMES.index(reason)
+
+    def _completed(self, track: Track) -> Rows:
+        """Return the rows of a rollout as in a dataset, NaN after its end."""
+        rows = {name: np.array(values) for name, values in track.rows.items()}
+        reference = Rotation.from_matrix(rows.pop("reference_root_rotation"))
+        rows["reference_root_orientation"] = reference.as_quat(scalar_first=True)
+        orientation = Rotation.from_quat(rows["root_orientation"], scalar_first=True)
+        rows["link_position"] = self._links(rows["root_position"], orientation, rows["joint_position"])
+        links = self._links(rows["reference_root_position"], reference, rows["reference_joint_position"])
+        rows["reference_foot_position"] = links[:, -4:]
+        rows["action"] = (rows["joint_target"] - self.spec.default_joint_position) / self.spec.action_scale
+        missing = self.num_rows - len(rows["phase"])
+        return {
+            name: np.concatenate([values, np.full((missing, *values.shape[1:]), np.nan)])
+            for name, values in rows.items()
+        }
+
+    def _links(self, position: NDArray, orientation: Rotation, joints: NDArray) -> NDArray:
+        """Return joint centres and feet in the world [m], shape [num_rows, 16, 3]."""
+        in_base = link_positions(self.spec, joints)
+        return np.einsum("tij,tkj->tki", orientation.as_matrix(), in_base) + position[:, None]
+
+
+def turn_between(wxyz: NDArray, rotation: NDArray) -> float:
+    """Return the angle between two orientations [rad]."""
+    # The trace of a rotation is 1 + 2 cos(angle); limits are far from where this loses digits.
+    return float(np.arccos(np.clip(0.5 * (np.sum(matrix_of(wxyz) * rotation) - 1.0), -1.0, 1.0)))

@@ -1,0 +1,150 @@
+"""Exported policies against the weights of their checkpoints, and what comes with them."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from kine2go_warp.cli.main import main
+from kine2go_warp.deployment import export
+from kine2go_warp.deployment.controller import ExportedPolicy
+from kine2go_warp.deployment.export import export_policy
+from kine2go_warp.deployment.metadata import METADATA_FILE, METADATA_KEY, PolicyMetadata, read_metadata
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.runner import load_checkpoint
+from kine2go_warp.robots import GO2
+
+
+def by_hand(policy, observation):
+    """The mean output from the checkpoint's numbers alone, in double precision."""
+    weights = load_checkpoint(policy.latest_checkpoint(), "cpu")["actor_state_dict"]
+    weights = {name: value.double().numpy() for name, value in weights.items()}
+    scale = weights["obs_normalizer._std"] + 1e-2
+    value = (observation.astype(float) - weights["obs_normalizer._mean"]) / scale
+    layers = sorted(name for name in weights if name.startswith("mlp.") and name.endswith("weight"))
+    for layer in layers:
+        value = value @ weights[layer].T + weights[layer.replace("weight", "bias")]
+        if layer != layers[-1]:
+            value = np.where(value > 0.0, value, np.expm1(np.minimum(value, 0.0)))
+    return value
+
+
+@pytest.mark.parametrize("count", [1, 7])
+def test_both_models_are_the_checkpoints_network_with_its_normaliser(policy, exported, rng, count):
+    loaded = ExportedPolicy.load(exported)
+    observation = rng.normal(0.0, 1.0, (count, loaded.metadata.observation_size)).astype(np.float32)
+    expected = by_hand(policy, observation)
+    assert np.ptp(expected) > 0.1
+    script = torch.jit.load(exported / "policy.pt")
+    np.testing.assert_allclose(loaded.infer(observation), expected, atol=1e-5)
+    np.testing.assert_allclose(script(torch.from_numpy(observation)).detach().numpy(), expected, atol=1e-5)
+
+
+def test_the_metadata_are_the_same_in_all_three_files(exported):
+    extra = {METADATA_FILE: ""}
+    torch.jit.load(exported / "policy.pt", _extra_files=extra)
+    inside = {entry.key: entry.value for entry in onnx.load(exported / "policy.onnx").metadata_props}[METADATA_KEY]
+    assert json.loads(inside) == json.loads(extra[METADATA_FILE]) == json.loads((exported / METADATA_FILE).read_text())
+    assert PolicyMetadata.from_json(inside, "") == read_metadata(exported)
+
+
+def test_the_metadata_say_what_a_robot_needs(policy, exported, clip):
+    metadata = read_metadata(exported)
+    assert metadata.joint_names == GO2.joint_names
+    assert metadata.default_joint_position == GO2.default_joint_position
+    assert metadata.torque_limit == GO2.joint_effort
+    assert (metadata.stiffness, metadata.damping) == (60.0, 2.0)
+    assert (metadata.control_rate, metadata.physics_rate, metadata.substeps) == (60.0, 240.0, 4)
+    assert metadata.latency == pytest.approx(5 / 240)
+    assert metadata.latency_substeps == 5
+    assert (metadata.action.form, metadata.action.scale, metadata.action.clip) == ("reference", 0.25, 100.0)
+    assert metadata.action.needs_reference
+    assert metadata.action.reference_lead == pytest.approx(1.0 + 5 / 4)
+    assert metadata.clips[0].content_hash == clip.content_hash()
+    table = json.loads(policy.record_file.read_text())["observation"]
+    assert [vars(row) for row in metadata.observation] == table
+    assert max(metadata.parity.onnx, metadata.parity.torchscript) <= 1e-5
+
+
+def test_the_page_has_every_row_and_every_joint(exported):
+    page = (exported / "README.md").read_text()
+    metadata = read_metadata(exported)
+    for name in (*(row.name for row in metadata.observation), *metadata.joint_names, metadata.clips[0].licence):
+        assert name in page
+
+
+def test_an_export_that_disagrees_is_refused_and_the_older_one_stays(policy, exported, tmp_path, monkeypatch):
+    folder = shutil.copytree(exported, tmp_path / "export")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    write = export.write_onnx
+
+    def write_another(actor, size, path):
+        with torch.no_grad():
+            actor.model.mlp[0].bias += 1e-3
+        write(actor, size, path)
+        with torch.no_grad():
+            actor.model.mlp[0].bias -= 1e-3
+
+    monkeypatch.setattr(export, "write_onnx", write_another)
+    with pytest.raises(PolicyError, match="ONNX model differs from the policy by"):
+        export_policy(policy, folder, overwrite=True)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["export"]
+
+
+def test_only_an_export_is_replaced_and_only_when_told(policy, exported, tmp_path, capsys):
+    folder = shutil.copytree(exported, tmp_path / "export")
+    (tmp_path / "diary").mkdir()
+    (tmp_path / "diary" / "monday.txt").write_text("rain")
+    with pytest.raises(PolicyError, match="--overwrite"):
+        export_policy(policy, folder)
+    with pytest.raises(PolicyError, match="is no exported policy"):
+        export_policy(policy, tmp_path / "diary", overwrite=True)
+    (folder / "policy.onnx").write_bytes(b"")
+    assert main(["export-policy", str(policy.path), "--out", str(folder), "--overwrite"]) == 0
+    assert "policy.onnx" in capsys.readouterr().out
+    assert read_metadata(folder) == read_metadata(exported)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["diary", "export"]
+
+
+def spoil_model(folder):
+    (folder / "policy.onnx").write_bytes((folder / "policy.onnx").read_bytes()[:1000])
+
+
+def spoil_clip(folder):
+    (folder / "dog_trot.npz").write_bytes(b"another clip")
+
+
+def forget_metadata(folder):
+    model = onnx.load(folder / "policy.onnx")
+    del model.metadata_props[:]
+    onnx.save(model, folder / "policy.onnx")
+
+
+def another_version(folder):
+    model = onnx.load(folder / "policy.onnx")
+    metadata = replace(read_metadata(folder), format_version=99)
+    onnx.helper.set_model_props(model, {METADATA_KEY: metadata.to_json()})
+    onnx.save(model, folder / "policy.onnx")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (spoil_model, "not an ONNX model that can be read"),
+        (spoil_clip, "not the clip that was exported"),
+        (forget_metadata, "no metadata that can be read"),
+        (another_version, "export format 99"),
+        (shutil.rmtree, "no exported policy here"),
+    ],
+)
+def test_an_export_that_cannot_be_used_is_told_in_one_line(exported, tmp_path, spoil, message):
+    folder = shutil.copytree(exported, tmp_path / "export")
+    spoil(folder)
+    with pytest.raises(PolicyError, match=message) as error:
+        ExportedPolicy.load(folder)
+    assert "\n" not in str(error.value)
