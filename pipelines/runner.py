@@ -139,7 +139,9 @@ class RecipeRunner:
         clip = retarget(entry, self.data_folder, InverseKinematics(GO2), self.recipe.retarget).clip
         path = self.workspace.clip(entry.name)
         try:
-            is_same = path.is_file() and MotionClip.load(path).content_hash() == clip.content_hash()
+            known = MotionClip.load(path)
+            # Files of older versions lack the keypoints, which the hash leaves out.
+            is_same = known.content_hash() == clip.content_hash() and known.keypoints is not None
         except ClipError:
             is_same = False
         if not is_same:
