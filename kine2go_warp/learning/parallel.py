@@ -85,6 +85,11 @@ class ParallelVecEnv(BufferedVecEnv):
             self.workers.append(worker)
         self._wait()
 
+    @property
+    def environment(self) -> ImitationEnvironment:
+        """The first worlds."""
+        return self.own.environment
+
     def advance(self) -> None:
         """Step all worlds at once.
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kine2go_warp.device import choose_device, choose_processes
 from kine2go_warp.errors import PolicyError
@@ -15,6 +16,9 @@ from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, to_dictionary
+
+if TYPE_CHECKING:
+    from kine2go_warp.learning.watching import Audience
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
@@ -32,6 +36,7 @@ def train(
     on_progress: Callable[..., None] | None = None,
     processes: int | None = None,
     strict: bool = False,
+    audience: "Audience | None" = None,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
 
@@ -44,6 +49,7 @@ def train(
         on_progress: Called with a ``TrainingProgress`` after each iteration.
         processes: How many processes share the simulation; by default one a core on a CPU. It changes no result.
         strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
+        audience: Watches some worlds and the curves. It changes no result.
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given.
@@ -69,7 +75,7 @@ def train(
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
     processes = 1 if strict else choose_processes(processes, preset.env.num_worlds, device)
-    return _run(policy, record, clips, device, on_progress, processes, strict)
+    return _run(policy, record, clips, device, on_progress, processes, strict, audience)
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
@@ -103,6 +109,7 @@ def _run(
     on_progress: Callable[..., None] | None,
     processes: int,
     strict: bool,
+    audience: "Audience | None",
 ) -> PolicyRecord:
     """Run PPO from the newest checkpoint on and record how far it came, also when it is interrupted."""
     import torch
@@ -111,6 +118,7 @@ def _run(
     from kine2go_warp.learning.parallel import ParallelVecEnv
     from kine2go_warp.learning.runner import ImitationRunner
     from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+    from kine2go_warp.learning.watching import watched
 
     share_stream(device)
     torch.manual_seed(record.preset.env.seed)
@@ -123,6 +131,9 @@ def _run(
         runner = ImitationRunner(env, record.preset.ppo, policy.path, record.preset.env.seed)
     if policy.checkpoints():
         runner.restore(policy.latest_checkpoint())
+    if audience is not None:
+        done = runner.current_learning_iteration * record.preset.ppo.steps_per_iteration
+        on_progress = watched(env, audience, on_progress, done)
     started, before = time.monotonic(), record.seconds
     try:
         runner.train(record.preset.ppo.iterations, on_progress)
