@@ -57,11 +57,7 @@ class Audience(Protocol):
 
 
 def watched(
-    env: BufferedVecEnv,
-    audience: Audience,
-    on_progress: ProgressCallback | None,
-    first_step: int,
-    clock: Callable[[], float] = time.monotonic,
+    env: BufferedVecEnv, audience: Audience, on_progress: ProgressCallback | None, first_step: int
 ) -> ProgressCallback:
     """Let somebody watch an environment from now on, and return what to call after each iteration.
 
@@ -70,9 +66,8 @@ def watched(
         audience: Who watches.
         on_progress: What else to call after each iteration.
         first_step: Control steps that were trained before.
-        clock: Tells the time that passes [s].
     """
-    watcher = Watcher(env, audience, first_step, clock)
+    watcher = Watcher(env, audience, first_step)
     env.on_step = watcher.step_done
 
     def iteration_done(progress: TrainingProgress) -> None:
@@ -87,9 +82,24 @@ class Watcher:
     """Takes what is to be seen off the device. It changes nothing of the training."""
 
     def __init__(
-        self, env: BufferedVecEnv, audience: Audience, first_step: int, clock: Callable[[], float] = time.monotonic
+        self,
+        env: BufferedVecEnv,
+        audience: Audience,
+        first_step: int,
+        clock: Callable[[], float] = time.monotonic,
+        interval: float = INTERVAL,
     ) -> None:
+        """Prepare to watch.
+
+        Args:
+            env: The environment that trains.
+            audience: Who watches.
+            first_step: Control steps that were trained before.
+            clock: Tells the time that passes [s].
+            interval: Least time from the beginning of one stretch to that of the next [s].
+        """
         self.environment, self.audience, self.clock, self.step = env.environment, audience, clock, first_step
+        self.interval = interval
         self.num_worlds = min(NUM_WORLDS, self.environment.num_worlds)
         self._reference = make_reference_state(self.num_worlds, self.environment.device)
         self._views = self._packed_views()
@@ -105,7 +115,7 @@ class Watcher:
         self._num_terms += 1
         now = self.clock()
         if self._left == 0 and now >= self._next_stretch:
-            self._left, self._next_stretch = STRETCH, now + INTERVAL
+            self._left, self._next_stretch = STRETCH, now + self.interval
         if self._left > 0:
             self._left -= 1
             self._take()
@@ -120,8 +130,8 @@ class Watcher:
         curves = {
             **{f"reward/{name}": value for name, value in zip(REWARD_TERMS, terms, strict=True)},
             **{f"error/{name}": value for name, value in tracking_errors(self.environment).items()},
-            "episode/reward": progress.reward,
-            "episode/length": progress.episode_length,
+            "return/mean": progress.reward,
+            "length/mean": progress.episode_length,
             "speed/steps_per_second": progress.steps_per_second,
         }
         self.audience.see_iteration(self.step / self.environment.config.control_rate, progress.iteration, curves)

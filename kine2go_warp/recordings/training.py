@@ -28,8 +28,9 @@ EYE = (-0.3, -1.6, 0.7)
 
 GROUPS: dict[str, tuple[str, tuple[Colour, ...]]] = {
     "reward": ("reward terms, a step", TERM_COLOURS),
-    "error": ("errors of all worlds [m, rad]", ERROR_COLOURS),
-    "episode": ("episodes: reward, length [steps]", ((98, 160, 234), (245, 178, 66))),
+    "error": ("errors [m, rad]", ERROR_COLOURS),
+    "return": ("reward of an episode", ((98, 160, 234),)),
+    "length": ("length of an episode [steps]", ((94, 200, 178),)),
     "speed": ("training [steps/s]", ((200, 200, 200),)),
 }
 """Groups of curves with their titles and colours, in the order of the layout."""
@@ -181,7 +182,7 @@ def training_layout(name: str, rows: Rows) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Grid(*views, grid_columns=2),
-            rrb.Vertical(*plots, row_shares=[3, 3, 3, 2]),
+            rrb.Vertical(*plots, row_shares=[3, 3, 2, 2, 2]),
             column_shares=[3, 2],
             name=f"training {name}",
         ),
