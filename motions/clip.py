@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
 from kine2go_warp.motions.rotations import to_rotation
+from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
 
@@ -68,6 +69,8 @@ class MotionClip:
     origin: ClipOrigin
     slow_down: float = 1.0
     """By which the motion was slowed to keep within the motors' speeds."""
+    keypoints: Skeleton | None = None
+    """What it was made from, to look at; no part of the motion itself."""
 
     @property
     def num_frames(self) -> int:
@@ -103,7 +106,7 @@ class MotionClip:
         )
         known = np.arange(-margin, self.num_frames + margin) * self.frame_duration
         rotation = Slerp(known, to_rotation(poses.root_orientation))(time)
-        return assemble_clip(
+        clip = assemble_clip(
             self.name,
             self.period / num_frames,
             CubicSpline(known, poses.root_position)(time),
@@ -116,10 +119,15 @@ class MotionClip:
             spec,
             self.slow_down,
         )
+        if self.keypoints is None:
+            return clip
+        return replace(clip, keypoints=self.keypoints.resampled(time / self.frame_duration, self.cycle))
 
     def save(self, path: Path) -> None:
         """Write the clip as ``.npz`` (plain arrays, no pickles)."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.type is Array}
+        if self.keypoints is not None:
+            arrays |= self.keypoints.as_arrays()
         header = {
             "format_version": FORMAT_VERSION,
             "name": self.name,
@@ -142,6 +150,7 @@ class MotionClip:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
+                keypoints = Skeleton.from_arrays(data)
             version = header["format_version"]
             if version == FORMAT_VERSION:
                 return cls(
@@ -150,6 +159,7 @@ class MotionClip:
                     slow_down=header["slow_down"],
                     cycle=CycleStep(**header["cycle"]),
                     origin=ClipOrigin(**header["origin"]),
+                    keypoints=keypoints,
                     **arrays,
                 )
         except FileNotFoundError:

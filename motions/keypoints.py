@@ -12,6 +12,16 @@ LEG_NAMES = ("FL", "FR", "RL", "RR")
 KEYPOINTS = ("pelvis", "neck", *(f"{leg}_hip" for leg in LEG_NAMES), *(f"{leg}_toe" for leg in LEG_NAMES))
 """The points that retargeting needs, in the order of ``KeypointMotion.position``."""
 
+BONES = tuple(
+    (KEYPOINTS.index(first), KEYPOINTS.index(second))
+    for first, second in (
+        ("pelvis", "neck"),
+        *(("neck" if leg[0] == "F" else "pelvis", f"{leg}_hip") for leg in LEG_NAMES),
+        *((f"{leg}_hip", f"{leg}_toe") for leg in LEG_NAMES),
+    )
+)
+"""Which points to join by lines when they are drawn, by their places in ``KEYPOINTS``."""
+
 MINIMUM_FRAMES = 3
 """Central differences and a cycle need at least this many frames."""
 

@@ -1,6 +1,6 @@
 """From a motion file to the clip that the simulation tracks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +21,11 @@ from kine2go_warp.motions.cycle import (
 )
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
+from kine2go_warp.motions.keypoints import KeypointMotion
 from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
+from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet
-from kine2go_warp.motions.targets import PoseTargets, pose_targets
+from kine2go_warp.motions.targets import PoseTargets, pose_targets, standing_height
 from kine2go_warp.robots import RobotSpec
 
 Array = NDArray[np.float64]
@@ -95,9 +97,26 @@ def retarget(
     )
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip = make(selected, solver, config)
+    clip = replace(clip, keypoints=keypoints_of(clip, motion.scaled(source.scale), targets, start, end))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[:, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
     return Retargeted(clip, float(steps.sum()), score)
+
+
+def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: PoseTargets, start: int, end: int) -> Skeleton:
+    """Return the source's keypoints from ``start`` to ``end``, in the world frame of the clip made from them.
+
+    Args:
+        clip: The clip.
+        motion: The whole motion in the robot's size.
+        targets: What it asks for.
+        start: First frame of the clip.
+        end: The frame after its last.
+    """
+    wanted = targets.frames(start, end)
+    source_root = wanted.root_position, wanted.root_orientation
+    floor = float(standing_height(motion).mean())
+    return skeleton_at(motion.frames(start, end), floor, source_root, (clip.root_position, clip.root_orientation))
 
 
 def retarget_plain(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:

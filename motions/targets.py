@@ -54,7 +54,7 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
     scaled = motion.scaled(source.scale)
     orientation = root_orientation(scaled, source.forward_lift)
     toes, hips = scaled.points("toe"), scaled.points("hip")
-    stance_height = np.quantile(toes[..., 2], STANCE_QUANTILE, axis=0)
+    stance_height = standing_height(scaled)
 
     root = 0.5 * (scaled.point("pelvis") + scaled.point("neck"))
     root[:, 2] += spec.foot_radius - float(stance_height.mean()) - source.root_drop
@@ -68,6 +68,11 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
     feet += turn_planar(outward, heading(orientation)[:, None])
     feet[..., 2] = spec.foot_radius + np.maximum(toes[..., 2] - stance_height, 0.0)
     return PoseTargets(motion.time, root, orientation, feet)
+
+
+def standing_height(motion: KeypointMotion) -> Array:
+    """Return the height of each toe while it stands [m], shape [4]; their mean is the animal's floor."""
+    return np.asarray(np.quantile(motion.points("toe")[..., 2], STANCE_QUANTILE, axis=0))
 
 
 def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:

@@ -69,7 +69,7 @@ def bench_training(clip: MotionClip, preset: Preset, device: str, repeats: int, 
 
 def step_time(env: ImitationVecEnv | ParallelVecEnv, steps: int) -> float:
     """Return how long the environment alone takes for some steps [s]."""
-    environment = env.environment if isinstance(env, ImitationVecEnv) else env.own.environment
+    environment = env.environment
     actions = wp.to_torch(random_outputs(environment, 1)[0])
     actions = actions.repeat(env.num_envs // len(actions) + 1, 1)[: env.num_envs]
 

@@ -39,11 +39,18 @@ class Train:
     """Processes that share the simulation; by default one a core on a CPU, one on a GPU. They change no result."""
     strict: bool = False
     """Stop at the first fault of the simulation (full buffers, numbers not finite) and save the state before it."""
+    rerun: bool = False
+    """Watch in the Rerun viewer: some worlds beside their references, rewards, errors, lengths of episodes."""
+    rerun_web: bool = False
+    """The same in a browser on this machine, for as long as the training runs."""
+    rerun_save: Path | None = None
+    """Write the same to this file (.rrd) instead."""
     config: TrainConfig = field(default_factory=TrainConfig)
 
     def run(self) -> int:
         """Train with a progress bar."""
         from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.cli.watching import watching
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip
@@ -52,7 +59,8 @@ class Train:
         limit_threads()
         folder = self.out or Path("runs/policies") / clip.name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
-        with StopRequest(message) as stop, Progress() as progress:
+        watch = watching(clip.name, self.rerun, self.rerun_web, self.rerun_save)
+        with StopRequest(message) as stop, watch as audience, Progress() as progress:
             progress.stage(clip.name, "train")
             record = train(
                 [clip],
@@ -65,6 +73,7 @@ class Train:
                 self.strict,
                 stop,
                 progress.note,
+                audience,
             )
         print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
         return 0

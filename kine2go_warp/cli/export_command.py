@@ -28,6 +28,7 @@ class Export:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.exports.export import default_folder, export_dataset
 
         out = self.out or default_folder(self.dataset, self.format)
@@ -40,8 +41,9 @@ class Export:
 
             record = export_dataset(self.dataset, self.format, out, self.motions, self.overwrite, advanced)
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+        trajectories, motions = counted(record.trajectories, "trajectory"), counted(len(record.motions), "motion")
         print(
-            f"{out}: {record.trajectories} trajectories of {len(record.motions)} motion(s), {record.rows} rows, "
+            f"{out}: {trajectories} of {motions}, {record.rows} rows, "
             f"{size:.1f} MB; what is in it and whose it is: {out / 'README.md'}"
         )
         return 0

@@ -28,6 +28,7 @@ class Report:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.reports.report import default_path, write_report
 
         path = self.out or default_path(self.dataset)
@@ -39,9 +40,9 @@ class Report:
                 progress.update(task, completed=done, total=total, description=f"reporting {motion}".rstrip())
 
             parts = write_report(self.dataset, path, self.motions, self.pictures, self.overwrite, advanced)
-        trajectories = sum(part.trajectories for part in parts)
+        trajectories = counted(sum(part.trajectories for part in parts), "trajectory")
         print(
-            f"{path}: {trajectories} trajectories of {len(parts)} motion(s), {path.stat().st_size / 1e6:.2f} MB; "
+            f"{path}: {trajectories} of {counted(len(parts), 'motion')}, {path.stat().st_size / 1e6:.2f} MB; "
             "open it in a browser"
         )
         for note in dict.fromkeys(part.note for part in parts if part.note):

@@ -110,6 +110,7 @@ class Review:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.recordings.motion import Style
         from kine2go_warp.recordings.shelf import Shelf
 
@@ -121,7 +122,7 @@ class Review:
             one = shelf.put(motion)
             state = "written" if one.is_new else "up to date"
             size = one.path.stat().st_size / 1e6
-            print(f"{one.path}: {one.shown} trajectories, {size:.1f} MB, {state}", flush=True)
+            print(f"{one.path}: {counted(one.shown, 'trajectory')}, {size:.1f} MB, {state}", flush=True)
             paths.append(one.path)
         return paths
 
@@ -158,6 +159,7 @@ class Review:
 
     def _judge(self) -> int:
         """Keep the verdicts that are given as options."""
+        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.dataset.verdicts import ACCEPTED, REJECTED, add_verdicts, new_verdict
 
         both = set(self.accept) & set(self.reject)
@@ -175,7 +177,7 @@ class Review:
         for verdict in (ACCEPTED, REJECTED):
             count = sum(one.verdict == verdict for one in verdicts)
             if count:
-                print(f"{self.target}: {count} {'trajectory' if count == 1 else 'trajectories'} {verdict}")
+                print(f"{self.target}: {counted(count, 'trajectory')} {verdict}")
         return 0
 
     def _named(self, name: str) -> "list[Trajectory]":

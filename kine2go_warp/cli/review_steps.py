@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kine2go_warp.dataset.doubt import LIMITS, Doubt, doubts
 from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.summary import counted
 from kine2go_warp.dataset.verdicts import (
     ACCEPTED,
     REJECTED,
@@ -80,7 +81,7 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
     """
     queue = in_order_of_doubt(motions, again)
     steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who)
-    print(f"{len(queue)} trajectories to look at, the most doubtful first; {HELP}", flush=True)
+    print(f"{counted(len(queue), 'trajectory')} to look at, the most doubtful first; {HELP}", flush=True)
     while (doubt := steps.present) is not None:
         print(f"\n[{steps.place + 1}/{len(queue)}] {described(doubt, steps.motions[doubt.reference.motion])}")
         if not answer(steps):
@@ -116,9 +117,12 @@ def described(doubt: Doubt, motion: Motion) -> str:
     share = "unknown" if math.isinf(doubt.value) else f"{doubt.value:.0%}"
     lines = [f"{one.motion}/{one.index}  doubt {share}  {motion.time[one.length - 1]:.1f} s"]
     for limit, figure, bound in zip(LIMITS, doubt.figures, doubt.limits, strict=True):
+        if math.isnan(figure):
+            continue
         of = "" if math.isnan(bound) else f" of {bound:g}"
+        unit = "" if limit.unit == "1" else f" {limit.unit}"
         mark = "  <" if limit.label == doubt.worst else ""
-        lines.append(f"  {limit.label:<14} {figure:.3f}{of} {limit.unit}{mark}")
+        lines.append(f"  {limit.label:<14} {figure:.4g}{of}{unit}{mark}")
     for title, names in grouped(motion).items():
         figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names)
         lines.append(f"  {title:<14} {figures}")

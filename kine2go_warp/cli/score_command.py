@@ -44,6 +44,7 @@ class Score:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.dataset.used import read_used
         from kine2go_warp.robots import GO2
         from kine2go_warp.scores.plots import curves_of, draw
@@ -72,7 +73,7 @@ class Score:
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
         if left_out:
-            note = f"left out {left_out} of {total} trajectories, which were rejected in a review"
+            note = f"left out {left_out} of {counted(total, 'trajectory')}, rejected in a review"
             output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
         if note := robot_note(self.dataset, GO2):
             output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)

@@ -38,12 +38,13 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
     """Print what a dataset holds, computed from the data written."""
     table = Table(title=f"{dataset} (figures computed from the data written)", title_justify="left")
     headings = ("joint RMSE\n\\[rad]", "root error\n\\[cm]", "root angle\n\\[rad]", "foot error\n\\[cm]")
-    for heading in ("motion", "accepted", "duration\n\\[s]", *headings):
+    for heading in ("motion", "accepted", "rejected\nin review", "duration\n\\[s]", *headings):
         table.add_column(heading, justify="left" if heading == "motion" else "right")
     for row in summaries:
         table.add_row(
             row.motion,
             f"{row.accepted}/{row.total}",
+            str(row.rejected_in_review),
             f"{row.shortest:.1f}" if row.shortest == row.longest else f"{row.shortest:.1f}-{row.longest:.1f}",
             f"{row.joint_rmse:.3f}",
             f"{100.0 * row.root_error:.1f}",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,27 @@ class Limit:
 
     setting: str
     """Its name in the attribute ``gather_settings`` of a motion."""
+    figure: str
+    """What it limits: an array of the motion's group ``quality``."""
     label: str
     unit: str
 
 
 LIMITS = (
-    Limit("max_distance", "root distance", "m"),
-    Limit("max_angle", "root angle", "rad"),
-    Limit("max_joint_rmse", "joint RMSE", "rad"),
+    Limit("max_distance", "largest_root_error", "root distance", "m"),
+    Limit("max_angle", "largest_root_angle", "root angle", "rad"),
+    Limit("max_joint_rmse", "joint_rmse", "joint RMSE", "rad"),
+    Limit("max_leg_contact", "leg_contact", "leg contact", "1"),
+    Limit("max_joint_limit", "joint_limit", "joint limits", "1"),
+    Limit("max_torque_saturation", "torque_saturation", "torque limits", "1"),
+    Limit("max_action_saturation", "action_saturation", "action limits", "1"),
+    Limit("max_foot_slip", "foot_slip", "foot slip", "m/s"),
+    Limit("max_joint_jerk", "joint_jerk", "joint jerk", "rad/s^3"),
 )
 """The order of all figures of this file."""
+
+ROW_LIMITS = LIMITS[:3]
+"""Those whose errors are known row by row, also where a dataset stores no figures."""
 
 ERROR_ARRAYS = (
     "root_position",
@@ -37,7 +48,10 @@ ERROR_ARRAYS = (
     "joint_position",
     "reference_joint_position",
 )
-"""What the errors are computed from."""
+"""What these errors are computed from."""
+
+STORED = "quality/limit_share"
+"""The largest share of a limit, as gathering has found it."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +60,22 @@ class Doubt:
 
     reference: TrajectoryReference
     figures: tuple[float, ...]
-    """Largest distance [m] and angle [rad] of the root from its reference, and joint RMSE over all rows [rad]."""
+    """The figures that ``LIMITS`` names, NaN where they are not known."""
     limits: tuple[float, ...]
     """The limits, NaN where the motion's attributes have none."""
+    stored: float = math.nan
+    """The largest share that the dataset stores, NaN if it stores none."""
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Each figure as a share of its limit, NaN where there is none."""
+        """Each figure as a share of its limit, NaN where one of them is not known."""
         return tuple(figure / limit for figure, limit in zip(self.figures, self.limits, strict=True))
 
     @property
     def value(self) -> float:
         """The largest share: 1 at a limit, and without end for a trajectory of whose limits nothing is known."""
+        if not math.isnan(self.stored):
+            return self.stored
         known = [share for share in self.shares if not math.isnan(share)]
         return max(known, default=math.inf)
 
@@ -80,7 +98,7 @@ def filter_limits(attributes: Mapping[str, Any]) -> tuple[float, ...]:
 
 
 def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
-    """Return the errors of each row of a trajectory, in the order of ``LIMITS``, shape [num_rows, 3].
+    """Return the errors of each row of a trajectory, in the order of ``ROW_LIMITS``, shape [num_rows, 3].
 
     The last is the root mean square over the joints of that row.
     """
@@ -90,21 +108,31 @@ def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
     return np.stack([np.linalg.norm(distance, axis=-1), angle, np.sqrt(np.mean(joints**2, axis=-1))], axis=-1)
 
 
-def doubt_of(trajectory: Trajectory, limits: tuple[float, ...]) -> Doubt:
-    """Return how close a trajectory came to the limits; it needs the arrays ``ERROR_ARRAYS``."""
-    distance, angle, joints = row_errors(trajectory.arrays).T
-    figures = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
-    return Doubt(trajectory, figures, limits)
+def doubt_of(reference: TrajectoryReference, limits: tuple[float, ...]) -> Doubt:
+    """Return how close a trajectory came to the limits, by the figures that the dataset stores.
+
+    Where it lacks those of ``ROW_LIMITS``, they are computed from the rows, which needs a ``Trajectory`` with
+    ``ERROR_ARRAYS``.
+    """
+    values = reference.values
+    figures = [float(values.get(f"quality/{limit.figure}", math.nan)) for limit in LIMITS]
+    if isinstance(reference, Trajectory) and any(math.isnan(figure) for figure in figures[: len(ROW_LIMITS)]):
+        distance, angle, joints = row_errors(reference.arrays).T
+        figures[: len(ROW_LIMITS)] = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
+    return Doubt(reference, tuple(figures), limits, float(values.get(STORED, math.nan)))
 
 
 def doubts(motion: Motion, references: Sequence[TrajectoryReference]) -> Iterator[Doubt]:
-    """Yield how doubtful trajectories of a motion are, in their order; their rows are not kept.
+    """Yield how doubtful trajectories of a motion are, in their order; rows are read only where figures are missing.
 
     Raises:
         DatasetError: an array cannot be read.
     """
     limits = filter_limits(motion.attributes)
+    if all(f"quality/{limit.figure}" in motion.trajectory_arrays for limit in ROW_LIMITS):
+        yield from (doubt_of(reference, limits) for reference in references)
+        return
     for trajectory in motion.read(references, ERROR_ARRAYS):
         one = doubt_of(trajectory, limits)
         slim = TrajectoryReference(trajectory.motion, trajectory.index, trajectory.length, trajectory.values)
-        yield Doubt(slim, one.figures, one.limits)
+        yield replace(one, reference=slim)

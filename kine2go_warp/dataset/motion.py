@@ -51,6 +51,10 @@ class TrajectoryValues(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         return self._motion.values(name)[self._index]
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return what is stored under a name, or the default if nothing is."""
+        return self[name] if name in self._motion.trajectory_arrays else default
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._motion.trajectory_arrays)
 

@@ -8,6 +8,7 @@ import numpy as np
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion
+from kine2go_warp.dataset.summary import counted
 from kine2go_warp.exports.fields import Field
 
 LICENCE_IDENTIFIERS = {
@@ -34,11 +35,12 @@ def dataset_card(dataset: Dataset, form: str, fields: Sequence[Field], loading: 
     groups = by_motion(dataset.references)
     first = dataset.motion(next(iter(groups)))
     hours = dataset.num_rows / dataset.rate / 3600.0
-    title = f"Unitree Go2 state-action data, {len(groups)} motion{'s' if len(groups) > 1 else ''}"
+    title = f"Unitree Go2 state-action data, {counted(len(groups), 'motion')}"
     parts = [
         front_matter(dataset, groups, form, title),
         f"# {title}",
-        f"{len(dataset.references)} trajectories, {dataset.num_rows} rows at {dataset.rate:g} Hz, {hours:.3g} hours; "
+        f"{counted(len(dataset.references), 'trajectory')}, {dataset.num_rows} rows at {dataset.rate:g} Hz, "
+        f"{hours:.3g} hours; "
         f"{FORMAT_NAMES[form]}. Rollouts of policies that track retargeted animal and robot motions, simulated by "
         f"kine2go_warp {dataset.attributes['software_version']} "
         f"(revision {dataset.attributes['software_revision']}).",

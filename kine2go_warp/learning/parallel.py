@@ -127,6 +127,11 @@ class ParallelVecEnv(BufferedVecEnv):
             self.states.append(mine)
         self._wait()
 
+    @property
+    def environment(self) -> ImitationEnvironment:
+        """The first worlds."""
+        return self.own.environment
+
     def advance(self) -> None:
         """Step all worlds at once.
 

@@ -21,6 +21,7 @@ from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
     from kine2go_warp.learning.vec_env import BufferedVecEnv
+    from kine2go_warp.learning.watching import Audience
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
@@ -40,6 +41,7 @@ def train(
     strict: bool = False,
     should_stop: Callable[[], bool] | None = None,
     on_note: Callable[[str], None] = warnings.warn,
+    audience: "Audience | None" = None,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
 
@@ -60,6 +62,7 @@ def train(
         strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
         should_stop: Asked after each iteration, such as a ``StopRequest``; if it says yes, a checkpoint is written.
         on_note: Told what the user should know: damaged checkpoints, a restart.
+        audience: Watches some worlds and the curves. It changes no result.
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given.
@@ -88,7 +91,7 @@ def train(
         return known
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
-    task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop)
+    task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop, audience)
     while True:
         try:
             return task.run(record, start)
@@ -195,6 +198,7 @@ class TrainingTask:
     strict: bool
     on_progress: Callable[..., None] | None
     should_stop: Callable[[], bool] | None
+    audience: "Audience | None"
 
     def run(self, record: PolicyRecord, start: ResumePoint | None) -> PolicyRecord:
         """Run PPO from a checkpoint or from the beginning, and record how far it came, also if it is interrupted."""
@@ -202,6 +206,7 @@ class TrainingTask:
 
         from kine2go_warp.learning.runner import ImitationRunner
         from kine2go_warp.learning.vec_env import share_stream
+        from kine2go_warp.learning.watching import watched
 
         policy, preset = self.policy, record.preset
         ppo = slower(preset.ppo) if record.restarts else preset.ppo
@@ -213,8 +218,12 @@ class TrainingTask:
                 runner = ImitationRunner(env, ppo, policy.path, preset.env.seed)
             if start is not None:
                 runner.restore(start.checkpoint)
+            on_progress = self.on_progress
+            if self.audience is not None:
+                done = runner.current_learning_iteration * ppo.steps_per_iteration
+                on_progress = watched(env, self.audience, on_progress, done)
             try:
-                runner.train(ppo.iterations, self.on_progress, self.should_stop)
+                runner.train(ppo.iterations, on_progress, self.should_stop)
             finally:
                 seconds = before + time.monotonic() - started
                 record = replace(record, iterations=policy.iterations_done(), seconds=seconds)

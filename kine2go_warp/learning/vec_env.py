@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 import warp as wp
@@ -13,6 +14,9 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import StrictStepper, fault_counts
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.kernels.rewards import REWARD_TERMS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def share_stream(device: str) -> None:
@@ -78,6 +82,13 @@ class BufferedVecEnv(VecEnv):
         self.cfg = config
         self.config = config
         self.buffers = buffers
+        self.on_step: Callable[[], None] | None = None
+        """Called after each control step."""
+
+    @property
+    def environment(self) -> ImitationEnvironment:
+        """The worlds that this process simulates, all or the first ones."""
+        raise NotImplementedError
 
     def advance(self) -> None:
         """Step all worlds, from ``buffers.output`` to the other buffers."""
@@ -123,6 +134,8 @@ class BufferedVecEnv(VecEnv):
         buffers = self.buffers
         buffers.output.copy_(actions)
         self.advance()
+        if self.on_step is not None:
+            self.on_step()
         terms = buffers.reward_terms.mean(dim=0)
         log = {f"Reward/{name}": terms[index] for index, name in enumerate(REWARD_TERMS)}
         return self.get_observations(), buffers.reward, buffers.done, {"time_outs": buffers.time_out, "log": log}
@@ -140,9 +153,14 @@ class ImitationVecEnv(BufferedVecEnv):
         """
         device = str(wp.device_to_torch(environment.device))
         super().__init__(environment.config, environment.num_joints, device, StepBuffers.views_of(environment))
-        self.environment = environment
+        self._environment = environment
         stepper = environment if fault_folder is None else StrictStepper(environment, fault_folder)
         self._step = stepper.step
+
+    @property
+    def environment(self) -> ImitationEnvironment:
+        """All worlds."""
+        return self._environment
 
     def advance(self) -> None:
         """Step all worlds."""

@@ -20,6 +20,10 @@ from kine2go_warp.robots.spec import LEG_JOINTS
 CYCLES = 3
 ROOT_COLOUR: Colour = (225, 228, 235)
 SEAM_COLOUR: Colour = (232, 76, 160)
+KEYPOINT_COLOUR: Colour = (150, 235, 150)
+BONE_COLOUR: Colour = (50, 165, 80)
+ASIDE = (0.0, -0.5, 0.0)
+"""How far beside the robot the source's keypoints are drawn, to its right where it begins [m]."""
 EYE = (0.2, -1.7, 0.6)
 
 
@@ -43,6 +47,7 @@ def record_clip(
         columns = Columns(recording, "clip", time)
         RobotDrawer(spec, meshes).draw(columns.below("robot"), poses, standing)
         log_ways(columns, poses, standing, seams)
+        log_keypoints(columns, clip, cycles)
         log_stances(columns, standing, spec)
         log_joints(columns, motion.channels, spec)
         columns.curves("plots/residual", 1e3 * np.tile(clip.residual, cycles)[:, None], ["residual"], [ROOT_COLOUR])
@@ -58,6 +63,27 @@ def log_ways(columns: Columns, poses: Poses, standing: NDArray[np.bool_], seams:
         columns.fix(f"ways/{leg}", rr.LineStrips3D([way], colors=[[*colour, 150]], radii=THIN))
         columns.fix(f"ways/{leg}_stance", rr.Points3D(way[standing[:, foot]], colors=[colour], radii=0.008))
     columns.fix("ways/seams", rr.Points3D(poses.root_position[seams], colors=[SEAM_COLOUR], radii=0.025))
+
+
+def log_keypoints(columns: Columns, clip: MotionClip, cycles: int) -> None:
+    """Log the source's keypoints, if the clip has them, as points joined by bones.
+
+    They are logged where they belong, and a transform of their own, which a user may clear, shifts them aside.
+    """
+    if clip.keypoints is None:
+        return
+    points = clip.keypoints.over_cycles(clip.cycle, cycles).astype(np.float32)
+    bones = points[:, np.array(clip.keypoints.bones, dtype=int)]
+    count, num_bones = len(clip.keypoints.names), len(clip.keypoints.bones)
+    names = [name.replace("_", " ") for name in clip.keypoints.names]
+    columns.fix("keypoints", rr.Transform3D(translation=ASIDE))
+    style = rr.Points3D.from_fields(
+        radii=[0.013] * count, colors=[KEYPOINT_COLOUR] * count, labels=names, show_labels=False
+    )
+    columns.fix("keypoints/points", style)
+    columns.send("keypoints/points", rr.Points3D.columns(positions=points.reshape(-1, 3)), count)
+    columns.fix("keypoints/bones", rr.LineStrips3D.from_fields(colors=[BONE_COLOUR] * num_bones, radii=[0.006]))
+    columns.send("keypoints/bones", rr.LineStrips3D.columns(strips=bones.reshape(-1, 2, 3)), num_bones)
 
 
 def log_stances(columns: Columns, standing: NDArray[np.bool_], spec: RobotSpec) -> None:
@@ -100,14 +126,17 @@ def clip_text(clip: MotionClip, cycles: int) -> str:
     }
     shares = [f"{leg}: {share:.0%}" for leg, share in zip(LEG_COLOURS, (clip.stance > 0.5).mean(axis=0), strict=True)]
     facts["standing"] = ", ".join(shares)
-    lines = [f"### {clip.name}", f"{cycles} cycles; pink marks are the seams between them.", "", "| | |", "|---|---|"]
+    seen = f"{cycles} cycles; pink marks are the seams between them."
+    if clip.keypoints is not None:
+        seen += " Green: the source's keypoints, in the robot's size, half a metre aside."
+    lines = [f"### {clip.name}", seen, "", "| | |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in facts.items())])
 
 
 def clip_layout(name: str, poses: Poses, orientation: NDArray, spec: RobotSpec) -> rrb.Blueprint:
     """Return the layout of a clip's recording."""
     start = poses.root_position[0]
-    space = [f"+ /clip/{part}/**" for part in ("robot", "ways")]
+    space = [f"+ /clip/{part}/**" for part in ("robot", "keypoints", "ways")]
     eye = tuple(start + turned(EYE, orientation))
     joints = [curves(f"{leg.name} joints [rad]", "clip/plots", [f"joints/{leg.name}", "seam"]) for leg in spec.legs]
     plots = rrb.Vertical(

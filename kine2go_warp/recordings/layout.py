@@ -59,13 +59,14 @@ def trajectory_tab(one: Trajectory, doubt: Doubt, spec: RobotSpec) -> rrb.Horizo
     share = "" if math.isinf(doubt.value) else f" ({doubt.value:.0%})"
     start = one.arrays["root_position"][0]
     plots = rrb.Vertical(
-        curves("errors / limits", f"{entity}/plots", ["errors", "limit"]),
+        curves("errors / limits", f"{entity}/plots", ["errors", "limit", "push"]),
         rrb.Tabs(*[curves(f"{leg.name} joints [rad]", f"{entity}/plots/joints/{leg.name}") for leg in spec.legs]),
         curves("reward terms", f"{entity}/plots/reward"),
         curves("foot force [N]", f"{entity}/plots/force"),
         row_shares=[3, 3, 2, 2],
     )
-    space = [f"+ /{entity}/{part}/**" for part in ("robot", "reference", "targets", "forces", "paths")]
+    parts = ("robot", "reference", "targets", "forces", "paths", "push", "pushes")
+    space = [f"+ /{entity}/{part}/**" for part in parts]
     return rrb.Horizontal(
         scene(
             f"trajectory {one.index}",

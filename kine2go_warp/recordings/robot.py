@@ -68,7 +68,9 @@ class RobotDrawer:
         columns.send("base", pose)
 
     def _draw_trunk(self, columns: Columns, shell: Colour, head: Colour, accent: Colour | None) -> None:
-        """Draw trunk and head."""
+        """Draw trunk and head, which the base takes along."""
+        if not columns.with_fixed:
+            return
         length, width, height = self.spec.trunk_size
         sizes, centres, colours = [(length, width, height)], [(0.0, 0.0, 0.0)], [shell]
         if accent is not None:

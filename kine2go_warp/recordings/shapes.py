@@ -1,7 +1,7 @@
 """Where the primitive shapes of a robot are, row by row, computed with NumPy alone."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,10 @@ class Poses:
     def feet(self) -> Array:
         """Foot centres [m], shape [num_rows, 4, 3]."""
         return self.link_position[:, 12:]
+
+    def rows(self, part: slice) -> "Poses":
+        """Return some of the rows."""
+        return Poses(*(getattr(self, field.name)[part] for field in fields(self)))
 
     def joint_centres(self, joint: int) -> Array:
         """Return the centres of all hips (0), thighs (1) or calves (2) [m], shape [num_rows, 4, 3]."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.files import atomic_file
 
-TIMELINE = "time"
+TIMELINE, ITERATION = "time", "iteration"
 
 Colour = tuple[int, ...]
 """Red, green, blue and, if it is not 255, opacity."""
@@ -58,6 +58,8 @@ class Columns:
     """What the entities lie below."""
     time: NDArray[np.float64]
     """Instants of the rows [s], shape [num_rows]."""
+    with_fixed: bool = True
+    """Whether to log what never changes; not wanted where it has been logged before."""
 
     def below(self, entity: str) -> "Columns":
         """Return the same for entities below one of these."""
@@ -79,6 +81,8 @@ class Columns:
 
     def fix(self, entity: str, value: rr.AsComponents) -> None:
         """Log what never changes."""
+        if not self.with_fixed:
+            return
         self.recording.log(f"{self.path}/{entity}", value, static=True)
 
     def curves(

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import LIMITS, Doubt
+from kine2go_warp.dataset.doubt import LIMITS, ROW_LIMITS, Doubt
 from kine2go_warp.dataset.motion import Motion, Trajectory
+from kine2go_warp.dataset.summary import counted
 
 
 def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str) -> str:
@@ -21,12 +23,25 @@ def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str)
         "|---|--:|--:|--:|",
     ]
     for limit, figure, bound, share in zip(LIMITS, doubt.figures, doubt.limits, doubt.shares, strict=True):
-        known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
-        lines.append(f"| {limit.label} [{limit.unit}] | {figure:.3f} | {known[0]} | {known[1]} |")
+        if not math.isnan(figure):
+            known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
+            lines.append(f"| {limit.label} [{limit.unit}] | {figure:.4g} | {known[0]} | {known[1]} |")
+    if "push" in one.arrays:
+        lines += ["", pushes_text(one.arrays["push"], motion.time)]
     for title, names in grouped(motion).items():
         lines += ["", f"| {title} | |", "|---|--:|"]
         lines += [f"| {label(motion, name)} | {shown(one.values[name])} |" for name in names]
     return "\n".join(lines)
+
+
+def pushes_text(push: NDArray, time: NDArray) -> str:
+    """Return when a trajectory was pushed and how hard."""
+    speed = np.linalg.norm(push, axis=-1)
+    pushed = np.flatnonzero(speed > 0.0)
+    if len(pushed) == 0:
+        return "No pushes."
+    texts = [f"{speed[row]:.2f} m/s at {time[row]:.2f} s" for row in pushed]
+    return f"{counted(len(texts), 'push')}: {', '.join(texts)}"
 
 
 def grouped(motion: Motion) -> dict[str, list[str]]:
@@ -61,16 +76,17 @@ def doubt_text(doubt: Doubt) -> str:
     """Return how doubtful a trajectory is, in words."""
     if math.isinf(doubt.value):
         return "Doubt unknown: the motion's attributes have no limits."
-    return f"Doubt {doubt.value:.0%}, by its {doubt.worst}."
+    return f"Doubt {doubt.value:.0%}{f', by its {doubt.worst}' if doubt.worst else ''}."
 
 
 def motion_text(motion: Motion, doubts: Sequence[Doubt], verdicts: dict[int, str]) -> str:
     """Return a list of trajectories in Markdown, in the order in which they are given."""
-    heads = [f"{limit.label} [{limit.unit}]" for limit in LIMITS]
-    lines = [f"### {motion.name}: {len(doubts)} trajectories, the most doubtful first", ""]
-    lines += ["| | doubt | " + " | ".join(heads) + " | verdict |", "|--:|" + "--:|" * (len(heads) + 1) + "---|"]
+    heads = [f"{limit.label} [{limit.unit}]" for limit in ROW_LIMITS]
+    lines = [f"### {motion.name}: {counted(len(doubts), 'trajectory')}, the most doubtful first", ""]
+    lines += ["| | doubt | by | " + " | ".join(heads) + " | verdict |", "|--:|--:|---|" + "--:|" * len(heads) + "---|"]
     for one in doubts:
         share = "-" if math.isinf(one.value) else f"{one.value:.0%}"
-        figures = " | ".join(f"{figure:.3f}" for figure in one.figures)
-        lines.append(f"| {one.reference.index} | {share} | {figures} | {verdicts.get(one.reference.index, '')} |")
+        figures = " | ".join(f"{figure:.3f}" for figure in one.figures[: len(ROW_LIMITS)])
+        verdict = verdicts.get(one.reference.index, "")
+        lines.append(f"| {one.reference.index} | {share} | {one.worst} | {figures} | {verdict} |")
     return "\n".join(lines)

@@ -7,8 +7,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import LIMITS, Doubt, row_errors
+from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt, row_errors
 from kine2go_warp.dataset.motion import Motion, Trajectory
+from kine2go_warp.recordings.pushes import log_pushes
 from kine2go_warp.recordings.robot import RobotDrawer, flat
 from kine2go_warp.recordings.shapes import Poses, reference_poses, robot_poses, skeletons
 from kine2go_warp.recordings.stream import LEG_COLOURS, THICK, THIN, Colour, Columns
@@ -64,6 +65,7 @@ def log_trajectory(
     log_targets(columns, reference, steps_ahead(motion.attributes))
     log_forces(columns, robot, force, standing)
     log_paths(columns, rows)
+    log_pushes(columns, rows)
     log_curves(columns, motion, rows, doubt, spec)
     columns.fix("text", rr.TextDocument(trajectory_text(motion, one, doubt, verdict), media_type="text/markdown"))
 
@@ -130,14 +132,14 @@ def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], do
 
 def log_errors(columns: Columns, rows: Mapping[str, NDArray], doubt: Doubt) -> None:
     """Log the errors as shares of the limits of the filter, with a line at 1; without limits as they are."""
-    errors = row_errors(rows)
-    is_known = not np.isnan(doubt.limits).any()
+    errors, limits = row_errors(rows), doubt.limits[: len(ROW_LIMITS)]
+    is_known = not np.isnan(limits).any()
     if is_known:
-        names = [f"{one.label} / {limit:g} {one.unit}" for one, limit in zip(LIMITS, doubt.limits, strict=True)]
-        columns.curves("plots/errors", errors / np.array(doubt.limits), names, ERROR_COLOURS)
+        names = [f"{one.label} / {limit:g} {one.unit}" for one, limit in zip(ROW_LIMITS, limits, strict=True)]
+        columns.curves("plots/errors", errors / np.array(limits), names, ERROR_COLOURS)
         columns.curves("plots/limit", np.ones((len(errors), 1)), ["limit"], [LIMIT_COLOUR], width=2.0)
     else:
-        columns.curves("plots/errors", errors, [f"{one.label} [{one.unit}]" for one in LIMITS], ERROR_COLOURS)
+        columns.curves("plots/errors", errors, [f"{one.label} [{one.unit}]" for one in ROW_LIMITS], ERROR_COLOURS)
 
 
 def dimmed(colour: Colour) -> Colour:

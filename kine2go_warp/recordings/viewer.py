@@ -30,15 +30,21 @@ def viewer_program() -> Path:
     return Path(str(rerun_cli.__file__)).parent / ("rerun.exe" if sys.platform == "win32" else "rerun")
 
 
-def check_display(environment: Mapping[str, str] = os.environ) -> None:
+def check_display(
+    otherwise: str = "--web for a browser, or --save to only write files", environment: Mapping[str, str] = os.environ
+) -> None:
     """Check that a window can be opened.
+
+    Args:
+        otherwise: What to use where it cannot.
+        environment: Variables of the environment.
 
     Raises:
         RecordingError: there is no display.
     """
     needs_one = sys.platform.startswith("linux")
     if needs_one and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
-        raise RecordingError("no display to open the viewer on; use --web for a browser, or --save to only write files")
+        raise RecordingError(f"no display to open the viewer on; use {otherwise}")
 
 
 def open_native(recordings: Sequence[Path]) -> None:
@@ -55,6 +61,39 @@ def open_native(recordings: Sequence[Path]) -> None:
         raise RecordingError("the Rerun viewer ended at once; use --web for a browser, or --save to only write files")
 
 
+def open_waiting() -> str:
+    """Open a window that waits for a recording, and return the address to send it to; it stays when this process ends.
+
+    Raises:
+        RecordingError: there is no display, or the viewer does not start.
+    """
+    check_display()
+    (port,) = free_ports(1)
+    command = [str(viewer_program()), "--port", str(port), "--bind", "127.0.0.1"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    if not is_listening(process, port):
+        process.terminate()
+        raise RecordingError("the Rerun viewer does not start; use --rerun-web for a browser, or --rerun-save")
+    return stream_address(port)
+
+
+def stream_address(port: int) -> str:
+    """Return where a viewer or server on this machine takes recordings."""
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def is_listening(process: subprocess.Popen, port: int, limit: float = 20.0) -> bool:
+    """Wait until somebody listens at a port; return False if the process ends before or it takes too long [s]."""
+    end = time.monotonic() + limit
+    while time.monotonic() < end and process.poll() is None:
+        with socket.socket() as probe:
+            probe.settimeout(0.5)
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return True
+        time.sleep(0.1)
+    return False
+
+
 @dataclass
 class WebViewer:
     """Serves recordings to browsers of this machine."""
@@ -62,6 +101,8 @@ class WebViewer:
     process: subprocess.Popen
     url: str
     """The page to open."""
+    source: str
+    """Where further recordings may be sent."""
 
     @classmethod
     def start(cls, recordings: Sequence[Path]) -> "WebViewer":
@@ -74,9 +115,11 @@ class WebViewer:
         command = [str(viewer_program()), "--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(page)]
         command += ["--port", str(data), "--server-memory-limit", "25%", *map(str, recordings)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        source = quote(f"rerun+http://127.0.0.1:{data}/proxy", safe="")
-        viewer = cls(process, f"http://127.0.0.1:{page}/?url={source}")
-        viewer._wait_for(page)
+        source = stream_address(data)
+        viewer = cls(process, f"http://127.0.0.1:{page}/?url={quote(source, safe='')}", source)
+        if not (is_listening(process, page) and is_listening(process, data)):
+            viewer.stop()
+            raise RecordingError("the web server of the Rerun viewer does not start; use --save to only write files")
         return viewer
 
     def wait(self) -> None:
@@ -94,18 +137,6 @@ class WebViewer:
         """Stop serving."""
         self.process.terminate()
         self.process.wait()
-
-    def _wait_for(self, port: int, limit: float = 20.0) -> None:
-        """Wait until the page is there."""
-        end = time.monotonic() + limit
-        while time.monotonic() < end and self.process.poll() is None:
-            with socket.socket() as probe:
-                probe.settimeout(0.5)
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    return
-            time.sleep(0.1)
-        self.stop()
-        raise RecordingError("the web server of the Rerun viewer does not start; use --save to only write files")
 
 
 def free_ports(count: int) -> list[int]:

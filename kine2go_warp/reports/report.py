@@ -190,7 +190,7 @@ def tiles(parts: Sequence[MotionPart], acceptance: float) -> list[tuple[str, str
     minutes = sum(part.duration for part in parts) / 60.0
     return [
         (f"{len(parts)}", "motion" if len(parts) == 1 else "motions"),
-        (f"{trajectories:,}", "trajectories"),
+        (f"{trajectories:,}", "trajectory" if trajectories == 1 else "trajectories"),
         (f"{rows:,}", "rows"),
         (f"{minutes:.1f}" if minutes < 600.0 else f"{minutes / 60.0:,.1f}", "minutes" if minutes < 600.0 else "hours"),
         (f"{100.0 * acceptance:.3g} %", "accepted"),

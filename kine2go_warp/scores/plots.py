@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.reader import MotionData
+from kine2go_warp.dataset.summary import counted
 from kine2go_warp.files import atomic_file
 from kine2go_warp.scores.quaternions import yaw
 
@@ -86,7 +87,8 @@ def draw_coverage(curves: MotionCurves) -> "Figure":
         axes.quiver(*path[shown].T, *arrow, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.005)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.margins(0.08)
-    axes.set_title(f"{curves.motion}: root paths of {len(curves.paths)} trajectories\ndot: start, arrows: heading")
+    paths = counted(len(curves.paths), "trajectory")
+    axes.set_title(f"{curves.motion}: root paths of {paths}\ndot: start, arrows: heading")
     axes.grid(color="0.9")
     return figure
 

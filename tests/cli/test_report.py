@@ -17,7 +17,7 @@ def test_a_report_is_written_once_and_replaced_when_asked(walks, tmp_path, capsy
     out = tmp_path / "page.html"
     assert main(["report", str(walks), "walk", "--out", str(out), "--no-pictures"]) == 0
     output = capsys.readouterr().out
-    assert "3 trajectories of 1 motion(s)" in output
+    assert "3 trajectories of 1 motion," in output
     assert "Pictures were not asked for" in output
     first = out.read_text()
     assert "--overwrite" in failing(capsys, walks, "--out", out)

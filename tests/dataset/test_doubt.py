@@ -1,4 +1,6 @@
+import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -6,14 +8,26 @@ import pytest
 from kine2go_warp.dataset.doubt import LIMITS, Doubt, doubts, filter_limits, row_errors
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.quality import LIMITS as FILTER
 
 REFERENCE = TrajectoryReference("trot", 0, 10, {})
+
+
+def doubt_with(figures, limits, stored=math.nan):
+    """A doubt of which only the first figures and limits are known."""
+    unknown = (math.nan,) * (len(LIMITS) - len(figures))
+    return Doubt(REFERENCE, (*figures, *unknown), (*limits, *unknown), stored)
 
 
 def test_limits_are_settings_of_the_filter():
     assert all(hasattr(GatherConfig(), limit.setting) for limit in LIMITS)
     attributes = {"gather_settings": {"max_distance": 0.5, "max_angle": 0.8, "max_joint_rmse": 0.25, "rows": 5}}
-    assert filter_limits(attributes) == (0.5, 0.8, 0.25)
+    assert filter_limits(attributes)[:3] == (0.5, 0.8, 0.25)
+    assert all(math.isnan(limit) for limit in filter_limits(attributes)[3:])
+
+
+def test_limits_are_all_those_of_the_filter_in_its_order():
+    assert [(limit.figure, limit.setting) for limit in LIMITS] == [(name, setting) for name, setting, _ in FILTER]
 
 
 @pytest.mark.parametrize("settings", [None, 3, {}, {"max_distance": "far", "max_angle": True, "max_joint_rmse": 0}])
@@ -22,15 +36,15 @@ def test_limits_that_are_not_there_are_not_invented(settings):
 
 
 def test_doubt_is_the_share_of_the_limit_that_is_closest():
-    doubt = Doubt(REFERENCE, (0.1, 0.6, 0.05), (0.5, 0.8, 0.25))
-    assert doubt.shares == pytest.approx((0.2, 0.75, 0.2))
+    doubt = doubt_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25))
+    assert doubt.shares[:3] == pytest.approx((0.2, 0.75, 0.2))
     assert (doubt.value, doubt.worst) == (pytest.approx(0.75), "root angle")
 
 
 def test_a_trajectory_without_limits_is_the_most_doubtful():
-    unknown = Doubt(REFERENCE, (0.1, 0.6, 0.05), (math.nan,) * 3)
+    unknown = doubt_with((0.1, 0.6, 0.05), (math.nan,) * 3)
     assert (unknown.value, unknown.worst) == (math.inf, "")
-    partly = Doubt(REFERENCE, (0.1, 0.6, 0.05), (0.5, math.nan, math.nan))
+    partly = doubt_with((0.1, 0.6, 0.05), (0.5, math.nan, math.nan))
     assert (partly.value, partly.worst) == (pytest.approx(0.2), "root distance")
 
 
@@ -47,14 +61,37 @@ def test_errors_of_rows_are_distance_angle_and_joints():
     np.testing.assert_allclose(row_errors(rows), [[0.0, 0.0, 0.0], [5.0, np.pi / 2, 0.2]], atol=1e-12)
 
 
-def test_doubts_of_a_dataset_agree_with_its_quality_and_its_filter(clean_dataset):
+def test_what_gathering_found_counts_where_it_is_stored():
+    doubt = doubt_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25), stored=0.9)
+    assert (doubt.value, doubt.worst) == (0.9, "root angle")
+
+
+def test_doubts_of_a_dataset_are_those_of_its_filter(clean_dataset):
     motion = Motion(clean_dataset, "dog_trot")
     found = list(doubts(motion, motion.references()))
     assert [one.reference.index for one in found] == [0, 1, 2, 3, 4]
     for one in found:
         index = one.reference.index
-        assert one.figures[2] == pytest.approx(motion.values("quality/joint_rmse")[index], rel=1e-4)
-        assert one.figures[0] >= motion.values("quality/root_error")[index]
-        assert one.figures[1] >= motion.values("quality/root_angle")[index]
-        assert one.limits == (9.0, 3.2, 9.0)
-        assert one.value <= 1.0, "the filter kept it"
+        assert one.value == motion.values("quality/limit_share")[index] <= 1.0, "the filter kept it"
+        assert one.figures[7] == motion.values("quality/foot_slip")[index]
+        assert one.limits[:3] == (9.0, 3.2, 9.0)
+        assert max(one.shares) == pytest.approx(one.value, rel=1e-6)
+        assert LIMITS[int(np.argmax(one.shares))].label == one.worst
+
+
+def test_without_stored_figures_they_come_from_the_rows(clean_dataset, tmp_path):
+    stored = doubts_of(clean_dataset)
+    older = shutil.copytree(clean_dataset, tmp_path / "older.zarr")
+    shutil.rmtree(older / "dog_trot" / "quality")
+    metadata = json.loads((older / "zarr.json").read_text())
+    del metadata["consolidated_metadata"]
+    (older / "zarr.json").write_text(json.dumps(metadata))
+    for one, before in zip(doubts_of(older), stored, strict=True):
+        assert one.figures[:3] == pytest.approx(before.figures[:3], rel=1e-4)
+        assert all(math.isnan(figure) for figure in one.figures[3:])
+        assert one.value == max(one.shares[:3])
+
+
+def doubts_of(path):
+    motion = Motion(path, "dog_trot")
+    return list(doubts(motion, motion.references()))

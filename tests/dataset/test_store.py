@@ -10,10 +10,12 @@ import pytest
 import xarray
 import zarr
 
+from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reader import motion_names, read_motion
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
-from kine2go_warp.dataset.summary import summarise
+from kine2go_warp.dataset.summary import counted, summarise
 from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
+from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
@@ -119,9 +121,25 @@ def test_no_object_arrays_and_no_pickles(store):
         assert array.dtype.kind in "fiuU"
 
 
+def test_the_summary_counts_what_was_rejected_in_a_review(store):
+    motion = Motion(store, "one")
+    (looked_at,) = motion.read(motion.references()[:1], None)
+    add_verdicts(store, [new_verdict(looked_at, REJECTED, "limps", "Ada")])
+    assert [one.rejected_in_review for one in summarise(store)][:2] == [1, 0]
+
+
+@pytest.mark.parametrize(
+    ("count", "noun", "words"),
+    [(1, "trajectory", "1 trajectory"), (2000, "trajectory", "2,000 trajectories"), (0, "motion", "0 motions"),
+     (2, "push", "2 pushes")],
+)  # fmt: skip
+def test_numbers_of_things_are_said_as_people_do(count, noun, words):
+    assert counted(count, noun) == words
+
+
 def test_the_summary_is_computed_from_the_rows(store):
     first = summarise(store)[0]
-    assert (first.motion, first.accepted, first.total) == ("one", 3, 5)
+    assert (first.motion, first.accepted, first.total, first.rejected_in_review) == ("one", 3, 5, 0)
     assert (first.shortest, first.longest) == (pytest.approx(15 / 60), pytest.approx(20 / 60))
     rows = read_motion(store, "one").trajectories.rows
     error = rows["joint_position"].astype(float) - rows["reference_joint_position"]

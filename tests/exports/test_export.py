@@ -138,7 +138,7 @@ def test_progress_counts_trajectories(store, tmp_path):
 
 def test_the_command_exports_beside_the_dataset(store, capsys):
     assert main(["export", str(store)]) == 0
-    assert "6 trajectories of 2 motion(s), 110 rows" in capsys.readouterr().out
+    assert "6 trajectories of 2 motions, 110 rows" in capsys.readouterr().out
     assert (store.parent / "dataset-lerobot" / "meta" / "info.json").is_file()
     assert main(["export", str(store), "one", "--format", "npz"]) == 0
     assert (store.parent / "dataset-npz" / "one").is_dir()

@@ -1,5 +1,7 @@
 """The recording of a clip, read back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,3 +48,19 @@ def test_places_where_feet_stand_are_shown(clip, recorded):
         points = recorded.fixed(f"/clip/ways/{leg}_stance", "Points3D:positions")
         assert len(points) == CYCLES * int((clip.stance[:, foot] > 0.5).sum())
         np.testing.assert_allclose(points[0], clip.foot_position[clip.stance[:, foot] > 0.5, foot][0], atol=1e-4)
+
+
+def test_the_sources_keypoints_go_beside_the_robot(clip, recorded):
+    time, points = recorded.column("/clip/keypoints/points", "Points3D:positions")
+    expected = clip.keypoints.over_cycles(clip.cycle, CYCLES).astype(np.float32)
+    assert np.array_equal(np.array(points, np.float32), expected)
+    assert len(time) == CYCLES * clip.num_frames
+    _, bones = recorded.column("/clip/keypoints/bones", "LineStrips3D:strips")
+    pelvis, neck = clip.keypoints.bones[0]
+    assert np.array_equal(np.array(bones, np.float32)[7, 0], expected[7, [pelvis, neck]])
+    assert recorded.fixed("/clip/keypoints", "Transform3D:translation") == [[0.0, -0.5, 0.0]]
+
+
+def test_a_clip_without_keypoints_is_recorded_without_them(clip, tmp_path):
+    record_clip(replace(clip, keypoints=None), tmp_path / "clip.rrd")
+    assert not any("keypoints" in entity for entity in Recorded(tmp_path / "clip.rrd").entities)

@@ -24,11 +24,11 @@ FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 def test_a_display_is_asked_for_only_where_there_must_be_one(monkeypatch):
     monkeypatch.setattr(viewer.sys, "platform", "linux")
     with pytest.raises(RecordingError, match="no display"):
-        check_display({})
-    check_display({"DISPLAY": ":0"})
-    check_display({"WAYLAND_DISPLAY": "wayland-0"})
+        check_display(environment={})
+    check_display(environment={"DISPLAY": ":0"})
+    check_display(environment={"WAYLAND_DISPLAY": "wayland-0"})
     monkeypatch.setattr(viewer.sys, "platform", "darwin")
-    check_display({})
+    check_display(environment={})
 
 
 def test_a_viewer_that_ends_at_once_is_an_error(monkeypatch, tmp_path):
