@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from kine2go_warp.cli.ablate_command import Ablate
 from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Demo, Doctor, Gather, Run, Train
@@ -34,6 +35,7 @@ Command = (
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Ablate, tyro.conf.subcommand("ablate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[Report, tyro.conf.subcommand("report")]
