@@ -35,6 +35,9 @@ Rows = dict[str, NDArray]
 DURATION = 20.0
 """Length of a rollout that survives [s]."""
 
+ROWS_BETWEEN_LOOKS = 64
+"""Rows after which it is looked whether any robot still tracks."""
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -161,7 +164,9 @@ def roll_out(env: ImitationVecEnv, actor: NoisyPolicy, noise: torch.Tensor) -> t
     observation = env.get_observations()
     with tempfile.TemporaryDirectory() as folder, RowSpool(Path(folder) / "rows") as spool:
         recorder = RolloutRecorder(environment, spool)
-        for _ in range(num_rows):
+        for row in range(num_rows):
+            if row % ROWS_BETWEEN_LOOKS == 0 and not bool(alive.any()):
+                break
             mean, output = actor(observation, noise)
             recorder.record_state()
             observation, *_ = env.step(output)
@@ -178,7 +183,7 @@ def roll_out(env: ImitationVecEnv, actor: NoisyPolicy, noise: torch.Tensor) -> t
 
 def figures(rows: Rows, lengths: NDArray, config: EnvConfig) -> Figures:
     """Return the figures of some rollouts."""
-    num_rows = rows["joint_position"].shape[1]
+    num_rows = round(DURATION * config.control_rate)
     best = float(np.dot(config.reward.weights, MAXIMUM_REWARDS)) / config.control_rate * num_rows
     with warnings.catch_warnings():
         # A rollout that fails at once has no rows: its figures are NaN and left out.
