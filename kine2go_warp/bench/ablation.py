@@ -11,6 +11,7 @@ from typing import Any
 from kine2go_warp.bench.choices import Choice
 from kine2go_warp.bench.trial import Trial, run_trial
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import FAST, Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, to_dictionary
@@ -38,6 +39,10 @@ class AblationConfig:
     """Trainings of each choice and clip, with the seeds 1, 2, ..."""
     rollouts: int = 16
     """Rollouts of each policy with and without noise, each."""
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.seeds, self.rollouts) < 1:
+            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
 
     def preset(self, choice: Choice, seed: int) -> Preset:
         """Return the settings of one training."""
@@ -85,7 +90,11 @@ def run_ablation(
 ) -> None:
     """Run those trainings that the file of results lacks, and append each as it ends."""
     results.parent.mkdir(parents=True, exist_ok=True)
-    done = {record["key"] for record in read_results(results)}
+    known = read_results(results)
+    # Written anew, so that a line that was cut short does not spoil the next one.
+    with atomic_file(results) as temporary:
+        temporary.write_text("".join(json.dumps(record) + "\n" for record in known), encoding="utf-8")
+    done = {record["key"] for record in known}
     for task in wanted:
         if task.key in done:
             continue

@@ -1,6 +1,7 @@
 """The folder of a policy: checkpoints, the clips that it tracks, and how it was trained."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,18 @@ class PolicyFolder:
     def read_clips(self, record: PolicyRecord) -> tuple[MotionClip, ...]:
         """Read the clips that the policy tracks."""
         return tuple(MotionClip.load(self.path / name) for name in record.clips)
+
+    def motions(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+        """Return the names of the clips that the policy tracks, or of those that are wanted.
+
+        Raises:
+            PolicyError: it does not track one of them.
+        """
+        known = tuple(clip.name for clip in self.read_clips(self.read_record()))
+        for name in wanted:
+            if name not in known:
+                raise PolicyError(f"{self.path}: does not track '{name}'; its clips are: {', '.join(known)}")
+        return tuple(wanted) or known
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""

@@ -46,8 +46,11 @@ def train(
         strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
 
     Raises:
-        PolicyError: the folder holds another policy and ``overwrite`` is not given.
+        PolicyError: the folder holds another policy and ``overwrite`` is not given, or two clips have the same name.
     """
+    names = sorted(clip.name for clip in clips)
+    if len(set(names)) < len(names):
+        raise PolicyError(f"each clip needs a name of its own, but they are: {', '.join(names)}")
     device = choose_device(device)
     preset = config.resolve(device)
     fingerprint = training_fingerprint(clips, preset)
