@@ -4,15 +4,15 @@ import json
 import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from kine2go_warp.bench.choices import Choice
+from kine2go_warp.bench.choices import AblationConfig, Choice
 from kine2go_warp.bench.trial import Trial, run_trial
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.learning.presets import FAST, Preset
+from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, to_dictionary
 
@@ -27,29 +27,6 @@ COLUMNS = (
     ("power", "power", 1.0, "W", "mean"),
 )
 """Title, name of the figure, factor, unit, and whether of rollouts with noise."""
-
-
-@dataclass(frozen=True)
-class AblationConfig:
-    """Settings of an ablation."""
-
-    steps: int = 245_760
-    """Environment steps of each training."""
-    seeds: int = 3
-    """Trainings of each choice and clip, with the seeds 1, 2, ..."""
-    rollouts: int = 16
-    """Rollouts of each policy with and without noise, each."""
-
-    def __post_init__(self) -> None:
-        if min(self.steps, self.seeds, self.rollouts) < 1:
-            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
-
-    def preset(self, choice: Choice, seed: int) -> Preset:
-        """Return the settings of one training."""
-        preset = choice.apply(FAST)
-        steps = preset.env.num_worlds * preset.ppo.steps_per_iteration
-        iterations = max(1, round(self.steps / steps))
-        return Preset(replace(preset.env, seed=seed), replace(preset.ppo, iterations=iterations))
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,13 @@
-"""Choices of training, each one change of the preset ``fast``, to be compared at the same number of steps."""
+"""Choices of training, each one change of the preset ``fast``, to be compared at the same number of steps.
+
+Nothing heavy is imported here: the command line reads it.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kine2go_warp.learning.presets import Preset
+from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.learning.presets import FAST, Preset
 
 
 @dataclass(frozen=True)
@@ -88,3 +92,26 @@ def with_value(settings: Any, path: str, value: Any) -> Any:
     """Return settings with the value at a path of field names, ``a.b.c``, replaced."""
     name, _, rest = path.partition(".")
     return replace(settings, **{name: with_value(getattr(settings, name), rest, value) if rest else value})
+
+
+@dataclass(frozen=True)
+class AblationConfig:
+    """Settings of an ablation."""
+
+    steps: int = 245_760
+    """Environment steps of each training."""
+    seeds: int = 3
+    """Trainings of each choice and clip, with the seeds 1, 2, ..."""
+    rollouts: int = 16
+    """Rollouts of each policy with and without noise, each."""
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.seeds, self.rollouts) < 1:
+            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
+
+    def preset(self, choice: Choice, seed: int) -> Preset:
+        """Return the settings of one training."""
+        preset = choice.apply(FAST)
+        steps = preset.env.num_worlds * preset.ppo.steps_per_iteration
+        iterations = max(1, round(self.steps / steps))
+        return Preset(replace(preset.env, seed=seed), replace(preset.ppo, iterations=iterations))

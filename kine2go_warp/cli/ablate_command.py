@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.bench.ablation import AblationConfig
+from kine2go_warp.bench.choices import CHOICES, AblationConfig
 from kine2go_warp.errors import Kine2GoError
 
 
@@ -23,12 +23,14 @@ class Ablate:
     """cpu or cuda; by default cuda where there is one."""
     table: bool = False
     """Run nothing; print the table of the results there are."""
+    plot: Path | None = None
+    """Also draw the learning curves to this file (.png)."""
     config: AblationConfig = field(default_factory=AblationConfig)
 
     def run(self) -> int:
         """Train what is missing and print a table in Markdown."""
         from kine2go_warp.bench.ablation import ablation_table, read_results, run_ablation, tasks
-        from kine2go_warp.bench.choices import CHOICES
+        from kine2go_warp.bench.curves import draw_curves
         from kine2go_warp.cli.commands import limit_threads
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.device import choose_device
@@ -53,5 +55,8 @@ class Ablate:
                     lambda task: progress.stage(task.label, "train"),
                     lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
                 )
-        print(ablation_table(read_results(self.out), chosen))
+        results = [record for record in read_results(self.out) if record["choice"] in {one.name for one in chosen}]
+        print(ablation_table(results, chosen))
+        if self.plot is not None:
+            draw_curves(results, self.plot)
         return 0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from kine2go_warp.bench import ablation
-from kine2go_warp.bench.ablation import AblationConfig, ablation_table, read_results, run_ablation, tasks
-from kine2go_warp.bench.choices import CHOICES, Choice, with_value
+from kine2go_warp.bench.ablation import ablation_table, read_results, run_ablation, tasks
+from kine2go_warp.bench.choices import CHOICES, AblationConfig, Choice, with_value
 from kine2go_warp.bench.trial import Figures, Trial, figures, run_trial
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, PRESETS
