@@ -1,16 +1,20 @@
 """Comparing choices of training: what runs, what is kept, and what the table says of it."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from kine2go_warp.bench import ablation
 from kine2go_warp.bench.ablation import ablation_table, read_results, run_ablation, tasks
 from kine2go_warp.bench.choices import CHOICES, AblationConfig, Choice, with_value
+from kine2go_warp.bench.curves import band
 from kine2go_warp.bench.trial import Figures, Trial, figures, run_trial
+from kine2go_warp.cli.main import main
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, PRESETS
 from kine2go_warp.settings import to_dictionary
@@ -89,6 +93,36 @@ def test_the_table_shows_medians_over_seeds_and_the_spread_of_the_reward(clip, t
     assert cells[4][1:6] == ["`fast`", "60.0 (50.0 to 90.0)", "100.0", "100.0", "0.030"]
     assert cells[5][1:3] == ["`stiff`", "30.0 (20.0 to 40.0)"]
     assert cells[5][-3:-1] == ["9", "3"]
+
+
+def test_the_command_draws_a_panel_a_motion_and_a_line_a_choice(tmp_path, capsys):
+    results, picture = tmp_path / "results.jsonl", tmp_path / "curves.png"
+    lines = []
+    for motion, name, seed in itertools.product(("trot", "walk"), ("fast", "symmetry"), (1, 2)):
+        curve = [{"steps": 6144 * n, "seconds": 1.0, "reward": 0.1, "episode_length": 60.0 * n} for n in (1, 2, 3)]
+        trial = to_dictionary(a_trial(0.1 * seed))
+        lines.append({"key": f"{motion}{name}{seed}", "motion": motion, "choice": name, "seed": seed, **trial})
+        lines[-1]["curve"] = curve[: 4 - seed]
+    results.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    command = ["ablate", "--table", "--out", str(results), "--plot", str(picture), "--choices", "fast"]
+    assert main(command) == 0
+    output = capsys.readouterr().out
+    assert "`walk`" in output
+    assert "symmetry" not in output
+    with Image.open(picture) as image:
+        assert image.width > 500
+        colours = {colour for _, colour in image.convert("RGB").getcolors(1 << 20)}
+    assert (0x00, 0x72, 0xB2) in colours, "the line of the first choice"
+    steps, lowest, middle, highest = band(lines[:2])
+    np.testing.assert_allclose(steps, [6.144, 12.288])
+    np.testing.assert_allclose([lowest, middle, highest], [[1.0, 2.0]] * 3)
+
+
+def test_nothing_can_be_drawn_of_no_results(tmp_path, capsys):
+    command = ["ablate", "--table", "--out", str(tmp_path / "none.jsonl"), "--plot", str(tmp_path / "curves.png")]
+    assert main(command) == 2
+    assert "no results" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_trial_trains_and_evaluates(clip):
