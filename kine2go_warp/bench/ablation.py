@@ -143,5 +143,6 @@ def table_row(found: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def number(value: float) -> str:
-    """Return a number with two or three significant digits."""
-    return f"{value:.3f}" if abs(value) < 0.2 else f"{value:.2f}" if abs(value) < 2.0 else f"{value:.1f}"
+    """Return a number with about three significant digits."""
+    digits = 3 if abs(value) < 0.2 else 2 if abs(value) < 2.0 else 1 if abs(value) < 100.0 else 0
+    return f"{value:.{digits}f}" if value else "0"

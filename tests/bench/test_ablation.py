@@ -90,7 +90,7 @@ def test_the_table_shows_medians_over_seeds_and_the_spread_of_the_reward(clip, t
     cells = [[cell.strip() for cell in line.split("|")] for line in lines]
     assert lines[0] == "`dog_trot`"
     assert cells[2][1:3] == ["choice", "reward [%]"]
-    assert cells[4][1:6] == ["`fast`", "60.0 (50.0 to 90.0)", "100.0", "100.0", "0.030"]
+    assert cells[4][1:6] == ["`fast`", "60.0 (50.0 to 90.0)", "100", "100", "0.030"]
     assert cells[5][1:3] == ["`stiff`", "30.0 (20.0 to 40.0)"]
     assert cells[5][-3:-1] == ["9", "3"]
 
