@@ -21,6 +21,8 @@ wp.set_module_options({"enable_backward": False})
 
 STATE_SIZE = wp.constant(45)
 """Values of one state: see ``write_state``."""
+LAST_OUTPUT = 33
+"""Where in a state the last output of the policy begins."""
 TARGET_SIZE = wp.constant(21)
 """Values of one future reference: see ``observe_targets``."""
 PRIVILEGED_SIZE = wp.constant(73)

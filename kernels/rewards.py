@@ -109,3 +109,19 @@ def tracking_rewards(
     terms[world, 3] = weights[3] * root_pose_reward(robot, reference, world)
     terms[world, 4] = weights[4] * root_velocity_reward(robot, reference, world)
     total[world] = terms[world, 0] + terms[world, 1] + terms[world, 2] + terms[world, 3] + terms[world, 4]
+
+
+@wp.kernel
+def penalise_changes(
+    output: wp.array2d(dtype=float),
+    last_output: wp.array2d(dtype=float),
+    weight: float,
+    total: wp.array(dtype=float),
+):
+    """Subtract ``weight * |output - last output|^2`` from the reward. Launched over [num_worlds]."""
+    world = wp.tid()
+    change = float(0.0)
+    for joint in range(12):
+        step = output[world, joint] - last_output[world, joint]
+        change += step * step
+    total[world] = total[world] - weight * change

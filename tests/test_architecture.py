@@ -37,7 +37,7 @@ ALLOWED = {
     "renders": {"renders", "dataset", "robots"},
     "reports": {"reports", "renders", "scores", "dataset", "robots"},
     "pipelines": {"pipelines", "recordings", "scores", "rollouts", "dataset", "learning", "motions", "robots"},
-    "bench": {"bench", "rollouts", "dataset", "learning", "env", "motions", "robots"},
+    "bench": {"bench", "rollouts", "scores", "dataset", "learning", "env", "kernels", "motions", "robots"},
     "cli": {
         "cli",
         "bench",

@@ -6,6 +6,7 @@ from pathlib import Path
 import tyro
 
 from kine2go_warp.cli.data import data_folder
+from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.rollouts.config import GatherConfig
 
@@ -21,16 +22,16 @@ def limit_threads() -> None:
 
 @dataclass(frozen=True)
 class Train:
-    """Train a policy that tracks a clip.
+    """Train a policy that tracks a clip, or several.
 
     Ctrl-C stops after the iteration, with a checkpoint from which the same command continues exactly; a second one
     stops at once.
     """
 
-    clip: Positional[Path]
-    """A clip (.npz) made by 'kine2go retarget'."""
+    clips: Positional[tuple[Path, ...]]
+    """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
-    """Policy folder; by default runs/policies/NAME."""
+    """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
     device: str | None = None
     """cpu or cuda; by default cuda where there is one."""
     overwrite: bool = False
@@ -55,15 +56,18 @@ class Train:
         from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip
 
-        clip = MotionClip.load(self.clip)
+        if not self.clips:
+            raise PolicyError("name at least one clip; 'kine2go retarget' makes them")
+        clips = [MotionClip.load(path) for path in self.clips]
         limit_threads()
-        folder = self.out or Path("runs/policies") / clip.name
+        name = "+".join(clip.name for clip in clips)
+        folder = self.out or Path("runs/policies") / name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
-        watch = watching(clip.name, self.rerun, self.rerun_web, self.rerun_save)
+        watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
         with StopRequest(message) as stop, watch as audience, Progress() as progress:
-            progress.stage(clip.name, "train")
+            progress.stage(name, "train")
             record = train(
-                [clip],
+                clips,
                 self.config,
                 folder,
                 self.device,
@@ -85,8 +89,10 @@ class Gather:
 
     policy: Positional[Path]
     """Policy folder made by 'kine2go train'."""
+    motions: tuple[str, ...] = ()
+    """Which of the clips that the policy tracks; by default all, each as a motion of its own."""
     out: Path = Path("runs/dataset.zarr")
-    """The dataset, a Zarr store; it is created, or the motion is added to it."""
+    """The dataset, a Zarr store; it is created, or the motions are added to it."""
     device: str | None = None
     """cpu or cuda; by default cuda where there is one."""
     strict: bool = False
@@ -104,20 +110,17 @@ class Gather:
         from kine2go_warp.rollouts.gather import gather
 
         policy = PolicyFolder(self.policy)
-        policy.read_record()
+        motions = policy.motions(self.motions)
         limit_threads()
+        results = []
         with Progress() as progress:
-            progress.stage(self.policy.name, "gather")
-            result = gather(
-                policy,
-                DatasetWriter(self.out, GO2),
-                self.config,
-                self.device,
-                progress.advanced,
-                self.strict,
-            )
-        print_summaries([summarise_motion(self.out, result.motion)], self.out)
-        print_rejections(result)
+            for motion in motions:
+                progress.stage(motion, "gather")
+                writer = DatasetWriter(self.out, GO2)
+                results.append(gather(policy, writer, self.config, self.device, progress.advanced, self.strict, motion))
+        print_summaries([summarise_motion(self.out, motion) for motion in motions], self.out)
+        for result in results:
+            print_rejections(result)
         return 0
 
 

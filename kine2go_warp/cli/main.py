@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from kine2go_warp.cli.ablate_command import Ablate
 from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
 from kine2go_warp.cli.commands import Doctor, Gather, Train
@@ -39,6 +40,7 @@ Command = (
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Cycles, tyro.conf.subcommand("cycles")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Ablate, tyro.conf.subcommand("ablate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[ExportPolicy, tyro.conf.subcommand("export-policy")]
     | Annotated[Sim2Sim, tyro.conf.subcommand("sim2sim")]

@@ -260,13 +260,15 @@ def describe(
 
 def action_rule(config: EnvConfig) -> ActionRule:
     """Return how the environment turns outputs into joint targets."""
-    form = config.action.form
+    # The reference alone is the reference with its velocity counting nothing.
+    form = "reference" if config.action.form == "reference_pose" else config.action.form
+    lag = config.motor.damping / config.motor.stiffness
     return ActionRule(
         form=form,
         scale=config.action.scale,
         clip=config.action.clip,
         reference_lead=1.0 + config.delay_substeps / config.substeps,
-        velocity_gain=config.motor.damping / config.motor.stiffness,
+        velocity_gain=lag if config.action.form == "reference" else 0.0,
         needs_reference=form == "reference",
         meaning=ACTION_MEANINGS[form],
     )

@@ -14,10 +14,10 @@ from kine2go_warp.errors import Kine2GoError
 class ActionConfig:
     """How the policy's output becomes a joint target."""
 
-    form: Literal["default_pose", "reference", "joint_target"] = "default_pose"
+    form: Literal["default_pose", "reference", "reference_pose", "joint_target"] = "default_pose"
     """``default_pose``: default pose + scale * output (the paper). ``reference``: the coming reference with its
-    velocity fed forward + scale * output. ``joint_target``: the output itself, in radians. The recorded action
-    means the same in all."""
+    velocity fed forward + scale * output; ``reference_pose``: without the velocity. ``joint_target``: the output
+    itself, in radians. The recorded action means the same in all."""
     scale: float = 0.25
     """Radians for an output of 1."""
     clip: float = 100.0
@@ -45,6 +45,9 @@ class RewardConfig:
     foot_position: float = 0.2
     root_pose: float = 0.15
     root_velocity: float = 0.1
+    action_rate: float = 0.0
+    """Penalty on the squared change of the outputs from one step to the next, summed over joints; not a tracking term,
+    so it is part of the total alone."""
 
     @property
     def weights(self) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from kine2go_warp.env.randomization import Randomization
 from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
 from kine2go_warp.env.terrain import build_height_field, reach_of
 from kine2go_warp.kernels import observations, resets, rewards, terminations
-from kine2go_warp.kernels.observations import PRIVILEGED_SIZE, STATE_SIZE
+from kine2go_warp.kernels.observations import LAST_OUTPUT, PRIVILEGED_SIZE, STATE_SIZE
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.kernels.resets import ResetRanges
 from kine2go_warp.kernels.rewards import REWARD_TERMS
@@ -167,6 +167,12 @@ class ImitationEnvironment:
                 self.reward,
             ],
         )
+        if self.config.reward.action_rate:
+            # The observation still holds the output of the step before.
+            last_output = self.observation[:, LAST_OUTPUT : LAST_OUTPUT + NUM_JOINTS]
+            weight = self.config.reward.action_rate / self.config.control_rate
+            inputs = [self.output, last_output, weight, self.reward]
+            wp.launch(rewards.penalise_changes, dim=self.num_worlds, inputs=inputs)
         wp.launch(
             terminations.terminate,
             dim=self.num_worlds,

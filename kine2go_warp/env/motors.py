@@ -40,14 +40,15 @@ class Motors:
         if action.form == "default_pose":
             inputs = [output, self.constants.default_position, action.scale, action.clip, self.joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
-        elif action.form == "reference":
+        elif action.form in ("reference", "reference_pose"):
+            lead = self.config.motor.damping / self.config.motor.stiffness
             inputs = [
                 output,
                 clips,
                 placement,
                 reference_step,
                 1.0 + self.config.delay_substeps / self.config.substeps,
-                self.config.motor.damping / self.config.motor.stiffness,
+                lead if action.form == "reference" else 0.0,
                 action.scale,
                 action.clip,
                 self.joint_target,

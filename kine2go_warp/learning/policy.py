@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -120,6 +121,18 @@ class PolicyFolder:
     def checkpoint(self, iteration: int) -> Path:
         """Return where the checkpoint of an iteration (from 0) lies."""
         return self.path / f"model_{iteration}.pt"
+
+    def motions(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+        """Return the names of the clips that the policy tracks, or of those that are wanted.
+
+        Raises:
+            PolicyError: it does not track one of them.
+        """
+        known = tuple(clip.name for clip in self.read_clips(self.read_record()))
+        for name in wanted:
+            if name not in known:
+                raise PolicyError(f"{self.path}: does not track '{name}'; its clips are: {', '.join(known)}")
+        return tuple(wanted) or known
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""

@@ -36,6 +36,8 @@ class PpoConfig:
     max_gradient: float = 1.0
     epochs: int = 5
     mini_batches: int = 4
+    symmetry: bool = False
+    """Learn from each sample also mirrored, left for right."""
     discount: float = 0.99
     gae_lambda: float = 0.95
     save_interval: int = 100
@@ -74,8 +76,17 @@ class PpoConfig:
                 "schedule": self.schedule,
                 "desired_kl": self.desired_kl,
                 "rnd_cfg": None,
-                "symmetry_cfg": None,
+                "symmetry_cfg": self._symmetry() if self.symmetry else None,
             },
+        }
+
+    def _symmetry(self) -> dict[str, Any]:
+        """Return RSL-RL's settings of the mirrored samples."""
+        return {
+            "use_data_augmentation": True,
+            "use_mirror_loss": False,
+            "mirror_loss_coeff": 0.0,
+            "data_augmentation_func": "kine2go_warp.learning.symmetry:with_mirrored",
         }
 
 

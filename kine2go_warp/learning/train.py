@@ -65,10 +65,13 @@ def train(
         audience: Watches some worlds and the curves. It changes no result.
 
     Raises:
-        PolicyError: the folder holds another policy and ``overwrite`` is not given.
+        PolicyError: the folder holds another policy and ``overwrite`` is not given, or two clips have the same name.
         TrainingDiverged: it diverged again after the restart.
         TrainingInterrupted: ``should_stop`` said so; the same call continues.
     """
+    names = sorted(clip.name for clip in clips)
+    if len(set(names)) < len(names):
+        raise PolicyError(f"each clip needs a name of its own, but they are: {', '.join(names)}")
     device = choose_device(device)
     preset = config.resolve(device)
     fingerprint = training_fingerprint(clips, preset)

@@ -11,9 +11,10 @@ import numpy as np
 from kine2go_warp import __version__
 from kine2go_warp.dataset.writer import DatasetWriter, RejectedRollouts, SimulationAttributes
 from kine2go_warp.device import choose_device
-from kine2go_warp.errors import DatasetError
+from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
+from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.quality import BORDERLINE
@@ -57,6 +58,7 @@ def gather(
     device: str | None = None,
     on_progress: ProgressCallback | None = None,
     strict: bool = False,
+    motion: str | None = None,
 ) -> GatherResult:
     """Roll a policy out in batches until enough rollouts are good, and add these to a dataset.
 
@@ -67,13 +69,14 @@ def gather(
         device: Where to simulate; by default on CUDA where there is one.
         on_progress: Called now and then.
         strict: Stop at the first fault of the simulation and save its state beside the policy.
+        motion: Which of its clips the policy tracks; by default its only one.
 
     Raises:
         PolicyError: the policy cannot be read.
         DatasetError: no rollout was accepted, or fewer than the settings ask for.
     """
     record = policy.read_record()
-    clip = policy.read_clips(record)[0]
+    clip = chosen_clip(policy, record, motion)
     config = with_rows(config, clip.name)
     fingerprint = gather_fingerprint(policy, config)
     env = record.preset.env
@@ -129,6 +132,19 @@ def gather(
             waiting_share=campaign.waited / spent,
             write_time=write_time,
         )
+
+
+def chosen_clip(policy: PolicyFolder, record: PolicyRecord, motion: str | None) -> MotionClip:
+    """Return the clip of a motion, or the only one.
+
+    Raises:
+        PolicyError: the policy does not track it, or tracks several and none is named.
+    """
+    wanted = policy.motions([] if motion is None else [motion])
+    chosen = [clip for clip in policy.read_clips(record) if clip.name in wanted]
+    if len(chosen) > 1:
+        raise PolicyError(f"{policy.path}: tracks several clips, name one of: {', '.join(wanted)}")
+    return chosen[0]
 
 
 def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str, object]:

@@ -33,6 +33,7 @@ def kine2go(*arguments, cwd, **options):
 
 COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "export", "sources"]
 COMMANDS += ["quality", "replay", "cycles", "bench", "doctor", "eval", "export-policy", "sim2sim"]
+COMMANDS += ["ablate", "status"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -49,6 +50,11 @@ BAD_INPUT = {
     "missing data folder": ("retarget ai4_dog_pace --data nowhere", "no such folder"),
     "missing motion file": ("retarget ai4_dog_pace --data .", "no such motion file"),
     "missing clip": ("train clip.npz", "no such clip"),
+    "no clip": ("train", "name at least one clip"),
+    "ablation of a missing clip": ("ablate clip.npz", "no such clip"),
+    "ablation of no clip": ("ablate", "name at least one clip"),
+    "an unknown choice": ("ablate clip.npz --choices luck", "unknown choice 'luck'; known are: fast, default_pose"),
+    "ablation of no seeds": ("ablate clip.npz --seeds 0", "seeds"),
     "wrong clip": ("train wrong.npz", "not a clip"),
     "folder for a clip": ("train .", "not a clip"),
     "missing policy": ("gather policy", "no policy here"),

@@ -60,7 +60,13 @@ def turning_clip(clip):
 
 
 @pytest.mark.parametrize(
-    ("form", "which"), [("reference", "turning_clip"), ("default_pose", "clip"), ("joint_target", "turning_clip")]
+    ("form", "which"),
+    [
+        ("reference", "turning_clip"),
+        ("reference_pose", "turning_clip"),
+        ("default_pose", "clip"),
+        ("joint_target", "turning_clip"),
+    ],
 )
 def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_resets(
     exported, small_config, form, which, request

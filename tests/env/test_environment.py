@@ -81,3 +81,34 @@ def test_the_paper_is_the_default():
 def test_impossible_settings_are_refused(changes):
     with pytest.raises(Kine2GoError):
         EnvConfig(**changes)
+
+
+def test_a_change_of_the_output_costs_what_is_asked_and_no_tracking_term_changes(clip, small_config, rng):
+    outputs = np.float32(rng.normal(0.0, 0.3, (3, small_config.num_worlds, 12)))
+    found = []
+    for weight in (0.0, 0.02):
+        config = replace(small_config, reward=replace(small_config.reward, action_rate=weight))
+        environment = ImitationEnvironment([clip], config, "cpu")
+        for output in outputs:
+            environment.output.assign(output)
+            environment.step()
+        assert not environment.episodes.done.numpy().any()
+        found.append((environment.reward.numpy().copy(), environment.reward_terms.numpy().copy()))
+    cost = 0.02 / config.control_rate * np.sum((outputs[2] - outputs[1]) ** 2, axis=1)
+    np.testing.assert_allclose(found[0][0] - found[1][0], cost, rtol=1e-3)
+    np.testing.assert_array_equal(found[0][1], found[1][1])
+
+
+def test_the_velocity_is_fed_forward_by_the_ratio_of_the_gains_or_not_at_all(clip, small_config):
+    targets = {}
+    for form in ("reference", "reference_pose"):
+        config = replace(small_config, action=replace(small_config.action, form=form, latency=0.0), reset=STILL)
+        environment = ImitationEnvironment([clip], config, "cpu")
+        environment.step()
+        targets[form] = environment.motors.joint_target.numpy().copy()
+        reference, step = environment.reference, environment.reference.joint_velocity.numpy().copy()
+    # After the step the reference is sampled where the targets, without latency, were taken from.
+    np.testing.assert_allclose(targets["reference_pose"], reference.joint_position.numpy(), atol=1e-5)
+    lead = config.motor.damping / config.motor.stiffness
+    np.testing.assert_allclose(targets["reference"] - targets["reference_pose"], lead * step, atol=1e-5)
+    assert np.abs(step).max() > 1.0

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from kine2go_warp.env.config import ActionConfig, RandomizationConfig
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.config import CUDA_WORLDS, TrainConfig
 from kine2go_warp.learning.presets import FAST, PAPER, ROBUST, Preset, preset_named
@@ -30,7 +31,19 @@ def test_the_paper_preset_is_the_papers_table():
         "lam": 0.95,
     }
     assert {key: algorithm[key] for key in expected} == expected
-    assert PAPER.env.action.form == "default_pose"
+    env = PAPER.env
+    assert (env.num_worlds, env.seed, env.control_rate, env.substeps, env.episode_time) == (8192, 1, 60.0, 4, 20.0)
+    assert env.action == ActionConfig(form="default_pose", scale=0.25, clip=100.0, latency=0.02)
+    assert env.history_length == 3
+    np.testing.assert_allclose(
+        np.array(env.reward.weights) / 60.0, [0.008333, 0.000833, 0.003333, 0.0025, 0.001667], atol=5e-7
+    )
+    assert env.reward.action_rate == 0.0
+    assert not PAPER.ppo.symmetry
+    assert (env.reset.reference_probability, env.reset.joint_position) == (0.9, 0.3)
+    assert (env.termination.max_distance, env.termination.max_angle) == (1.0, 1.5708)
+    assert not env.phase_sampling.is_weighted
+    assert env.randomization == RandomizationConfig()
 
 
 @pytest.mark.parametrize("preset", [PAPER, FAST, ROBUST])

@@ -1,10 +1,12 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from kine2go_warp.env.config import SolverConfig
+from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import PolicyError, SimulationError
 from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.config import TrainConfig
@@ -166,6 +168,23 @@ def test_the_robust_preset_trains_on_rough_ground_with_a_critic_that_sees_more(c
 def test_several_clips_train_one_policy(clip, standing_clip, tmp_path):
     record = train([clip, standing_clip], TrainConfig(num_worlds=16, iterations=1), tmp_path / "policy", "cpu")
     assert record.clips == ("dog_trot.npz", "standing.npz")
+    policy = PolicyFolder(tmp_path / "policy")
+    assert policy.motions() == ("dog_trot", "standing")
+    assert policy.motions(["standing"]) == ("standing",)
+    with pytest.raises(PolicyError, match="does not track 'hop'; its clips are: dog_trot, standing"):
+        policy.motions(["hop"])
+
+
+def test_clips_of_the_same_name_are_refused_before_anything_is_written(clip, tmp_path):
+    with pytest.raises(PolicyError, match="a name of its own"):
+        train([clip, clip], TINY, tmp_path / "policy", "cpu")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_environment_of_several_clips_begins_episodes_in_all_of_them(clip, standing_clip):
+    environment = ImitationEnvironment([clip, standing_clip], replace(FAST.env, num_worlds=64), "cpu", use_graph=False)
+    counts = np.bincount(environment.episodes.placement.clip.numpy(), minlength=2)
+    assert counts.min() > 16
 
 
 def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path, monkeypatch):

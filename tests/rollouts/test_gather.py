@@ -1,12 +1,15 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import zarr
 
+from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.errors import DatasetError
+from kine2go_warp.errors import DatasetError, PolicyError
+from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
@@ -164,3 +167,27 @@ def test_rows_are_those_of_the_papers_table_unless_given():
 def test_impossible_settings_are_refused(changes):
     with pytest.raises(DatasetError):
         GatherConfig(**changes)
+
+
+def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, standing_clip, tmp_path, capsys):
+    files = []
+    for one in (clip, standing_clip):
+        files.append(str(tmp_path / f"{one.name}.npz"))
+        one.save(tmp_path / f"{one.name}.npz")
+    policy, store = str(tmp_path / "policy"), str(tmp_path / "dataset.zarr")
+    on_cpu = ["--device", "cpu", "--num-worlds", "16"]
+    assert main(["train", *files, "--out", policy, "--iterations", "1", "--processes", "1", *on_cpu]) == 0
+    loose = [f"--{name.replace('_', '-')}={value}" for name, value in ANYTHING_GOES.items()]
+    gathering = ["gather", policy, "--out", store, "--trajectories", "4", "--rows", "30", *loose, *on_cpu]
+    assert main([*gathering, "--motions", "standing"]) == 0
+    assert DatasetWriter(Path(store), GO2).motions() == ["standing"]
+    assert main(gathering) == 0
+    for one in (clip, standing_clip):
+        rows = read_motion(Path(store), one.name).trajectories.rows
+        lowest, highest = one.joint_position.min(axis=0), one.joint_position.max(axis=0)
+        reference = rows["reference_joint_position"]
+        assert np.all((reference >= lowest - 1e-5) & (reference <= highest + 1e-5)), one.name
+    assert main([*gathering, "--motions", "hop"]) == 2
+    assert "does not track 'hop'; its clips are: dog_trot, standing" in capsys.readouterr().err
+    with pytest.raises(PolicyError, match="tracks several clips, name one of: dog_trot, standing"):
+        gather(PolicyFolder(Path(policy)), DatasetWriter(Path(store), GO2), LOOSE, "cpu")
