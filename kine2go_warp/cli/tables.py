@@ -25,7 +25,18 @@ if TYPE_CHECKING:
     from kine2go_warp.rollouts.gather import GatherResult
     from kine2go_warp.rollouts.replay import ReplayResult
 
-PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "placo", "zarr", "rerun-sdk")
+PACKAGES = (
+    "kine2go-warp",
+    "newton",
+    "warp-lang",
+    "mujoco-warp",
+    "torch",
+    "rsl-rl-lib",
+    "onnxruntime",
+    "placo",
+    "zarr",
+    "rerun-sdk",
+)
 
 
 def console() -> Console:

@@ -92,10 +92,10 @@ class MujocoRollouts:
         length = np.array([len(track.rows["phase"]) for track in tracks])
         completed = [self._completed(track) for track in tracks]
 
-        def rows(chosen: NDArray) -> Rows:
-            return {name: np.stack([completed[index][name] for index in chosen]) for name in completed[0]}
+        def read(name: str, chosen: NDArray) -> NDArray:
+            return np.stack([completed[index][name] for index in chosen])
 
-        return Batch(rows, length, np.array([track.failure for track in tracks]), starts)
+        return Batch(tuple(completed[0]), read, length, np.array([track.failure for track in tracks]), starts)
 
     def measured(self) -> MeasuredState:
         """Return what the robot measures now."""

@@ -45,13 +45,19 @@ class Starts:
 class Batch:
     """Rollouts of equal length, as far as they came."""
 
-    rows: Callable[[NDArray], Rows]
-    """Returns the rows of some rollouts, NaN where they had ended, shapes [num_chosen, num_rows, ...]."""
+    names: tuple[str, ...]
+    """Names of the arrays that there are of every row."""
+    read: Callable[[str, NDArray], NDArray]
+    """Returns one of them for some rollouts, NaN where they had ended, shape [num_chosen, num_rows, ...]."""
     length: NDArray
     """Rows of each rollout, shape [num_rollouts]."""
     failure: NDArray
     """Why each rollout ended early, a number of ``REASON_NAMES``, 0 if it did not."""
     starts: Starts
+
+    def rows(self, chosen: NDArray) -> Rows:
+        """Return all arrays of some rollouts."""
+        return {name: self.read(name, chosen) for name in self.names}
 
 
 class NewtonRollouts:
@@ -126,10 +132,12 @@ class NewtonRollouts:
         # The row in which a rollout failed is whole, but for its action, which led to no state.
         length = (survived + (failure > 0).int()).cpu().numpy()
 
-        def rows(chosen: NDArray) -> Rows:
-            return {name: self._read(spool, name, chosen, length) for name in spool.names}
+        def read(name: str, chosen: NDArray) -> NDArray:
+            values = read_whole(spool, name, chosen, self.num_rows)
+            values[np.arange(self.num_rows) >= length[chosen][:, None]] = np.nan
+            return values
 
-        return Batch(rows, length, failure.cpu().numpy(), starts)
+        return Batch(spool.names, read, length, failure.cpu().numpy(), starts)
 
     def _begin(self, clip: int) -> Starts:
         """Begin an episode in each world, the same for every noise."""
@@ -142,9 +150,3 @@ class NewtonRollouts:
         self.actor.generator.manual_seed(self.config.seed)
         robot = environment.robot
         return Starts(phase, heading, robot.joint_q.numpy().copy(), robot.joint_qd.numpy().copy())
-
-    def _read(self, spool: RowSpool, name: str, chosen: NDArray, length: NDArray) -> NDArray:
-        """Return rows with NaN beyond each rollout's end."""
-        values = read_whole(spool, name, chosen, self.num_rows)
-        values[np.arange(self.num_rows) >= length[chosen][:, None]] = np.nan
-        return values

@@ -82,7 +82,7 @@ def sim2sim(
 
 def apart(one: Batch, other: Batch, chosen: NDArray, control_rate: float) -> dict[float, float]:
     """Return how far the roots of the same rollouts are apart after some times [m], the median of those that last."""
-    distance = np.linalg.norm(one.rows(chosen)["root_position"] - other.rows(chosen)["root_position"], axis=-1)
+    distance = np.linalg.norm(one.read("root_position", chosen) - other.read("root_position", chosen), axis=-1)
     found = {}
     for horizon in HORIZONS:
         row = round(horizon * control_rate) - 1

@@ -74,8 +74,8 @@ def test_rows_apart_are_medians_over_rollouts_that_last():
             self.values = np.zeros((3, 60, 3)) + offset
             self.values[2, 20:] = np.nan
 
-        def rows(self, chosen):
-            return {"root_position": self.values[chosen]}
+        def read(self, _, chosen):
+            return self.values[chosen]
 
     found = apart(Rows(0.0), Rows(np.array([0.03, 0.0, 0.04])), np.arange(3), 60.0)
     assert found == {0.5: pytest.approx(0.05), 1.0: pytest.approx(0.05)}
