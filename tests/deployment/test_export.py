@@ -15,7 +15,7 @@ from kine2go_warp.deployment.controller import ExportedPolicy
 from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.deployment.metadata import METADATA_FILE, METADATA_KEY, PolicyMetadata, read_metadata
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.learning.runner import load_checkpoint
+from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.robots import GO2
 
 
