@@ -49,6 +49,7 @@ def bench_watching(
     watcher = Watcher(env, audience, 0, interval=0.0)
     times: list[float] = []
     rates: dict[bool, list[float]] = {False: [], True: []}
+    efforts: dict[bool, list[float]] = {False: [], True: []}
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         runner = ImitationRunner(env, preset.ppo, Path(folder), preset.env.seed)
 
@@ -63,20 +64,25 @@ def bench_watching(
             """Return the control steps of all worlds in a second."""
             env.on_step = watcher.step_done if is_watched else None
             times.clear()
+            before = time.process_time()
             runner.train(runner.current_learning_iteration + iterations, iteration_done)
             time.sleep(SETTLE)
+            efforts[is_watched].append((time.process_time() - before) / iterations)
             return len(times) * preset.env.num_worlds * preset.ppo.steps_per_iteration / sum(times)
 
         block(WARM_UP, True)
+        efforts[True].clear()
         for repeat in range(repeats):
             for is_watched in (False, True) if repeat % 2 == 0 else (True, False):
                 rates[is_watched].append(block(BLOCK, is_watched))
     env.close()
     slower = tuple(1.0 - watched / alone for watched, alone in zip(rates[True], rates[False], strict=True))
+    more = tuple(watched / alone - 1.0 for watched, alone in zip(efforts[True], efforts[False], strict=True))
     measurements = (
         Measurement("training", "steps/s", tuple(rates[False])),
         Measurement("training, watched", "steps/s", tuple(rates[True])),
         Measurement("slowdown", "1", slower, "of neighbouring blocks"),
+        Measurement("additional processor time", "1", more, "of this process, what others do left aside"),
     )
     settings = {"worlds": preset.env.num_worlds, "iterations a block": BLOCK, "repeats": repeats}
     return BenchReport("train --rerun", device, {**settings, "processes": processes}, measurements)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kine2go_warp.dataset.doubt import LIMITS, Doubt, doubts
+from kine2go_warp.dataset.doubt import LIMITS, STORED, Doubt, doubts
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.summary import counted
 from kine2go_warp.dataset.verdicts import (
@@ -123,8 +123,9 @@ def described(doubt: Doubt, motion: Motion) -> str:
         unit = "" if limit.unit == "1" else f" {limit.unit}"
         mark = "  <" if limit.label == doubt.worst else ""
         lines.append(f"  {limit.label:<14} {figure:.4g}{of}{unit}{mark}")
+    said = {STORED, *(f"quality/{limit.figure}" for limit in LIMITS)}
     for title, names in grouped(motion).items():
-        figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names)
+        figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names if name not in said)
         lines.append(f"  {title:<14} {figures}")
     return "\n".join(lines)
 

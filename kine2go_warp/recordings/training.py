@@ -20,7 +20,7 @@ from kine2go_warp.recordings.stream import ITERATION, TIMELINE, Colour, Columns
 from kine2go_warp.recordings.trajectory import CONTACT_FORCE, ERROR_COLOURS, TERM_COLOURS
 from kine2go_warp.robots import GO2, RobotSpec
 
-PACE = 0.4
+PACE = 1.0
 """How often what was seen is drawn [s]."""
 BACKLOG = 400
 """Blocks that wait to be drawn; beyond that the oldest are dropped rather than the training slowed down."""

@@ -54,7 +54,7 @@ def open_native(recordings: Sequence[Path]) -> None:
         RecordingError: there is no display, or the viewer does not start.
     """
     check_display()
-    command = [str(viewer_program()), "--new", *map(str, recordings)]
+    command = [str(viewer_program()), "--new", "--bind", "127.0.0.1", *map(str, recordings)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     time.sleep(PATIENCE)
     if process.poll() not in (None, 0):
