@@ -123,7 +123,8 @@ class RecipeRunner:
             "recipe": to_dictionary(self.recipe),
             "engine": self.engine.name,
             "software_revision": revision(),
-            "machine": machine(self.engine.device),
+            # Of a cluster, this is the machine that leads; artefacts name the ones that made them.
+            "machine": machine("cpu" if self.engine.name == "ray" else self.engine.device),
         }
         with atomic_file(self.workspace.record) as temporary:
             temporary.write_text(json.dumps(record, indent=2) + "\n")

@@ -183,7 +183,9 @@ class Status(RecipeOptions):
 
         recipe = self.resolved()
         workspace = self.workspace(recipe)
-        print_status(jobs_of(recipe, workspace, data_folder(self.data), choose_device(self.device)), self.json)
+        # A cluster's device need not exist on this machine.
+        device = self.device or choose_device(None)
+        print_status(jobs_of(recipe, workspace, data_folder(self.data), device), self.json)
         return 0
 
 
