@@ -6,7 +6,6 @@ Nothing heavy is imported here: the command line reads it.
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, Preset
 
 
@@ -104,10 +103,6 @@ class AblationConfig:
     """Trainings of each choice and clip, with the seeds 1, 2, ..."""
     rollouts: int = 16
     """Rollouts of each policy with and without noise, each."""
-
-    def __post_init__(self) -> None:
-        if min(self.steps, self.seeds, self.rollouts) < 1:
-            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
 
     def preset(self, choice: Choice, seed: int) -> Preset:
         """Return the settings of one training."""

@@ -36,6 +36,8 @@ class Ablate:
         from kine2go_warp.device import choose_device
         from kine2go_warp.motions.clip import MotionClip
 
+        if min(self.config.steps, self.config.seeds, self.config.rollouts) < 1:
+            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
         unknown = set(self.choices) - {choice.name for choice in CHOICES}
         if unknown:
             known = ", ".join(choice.name for choice in CHOICES)

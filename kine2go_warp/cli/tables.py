@@ -83,11 +83,13 @@ def print_rejections(result: "GatherResult") -> None:
         output.print(table)
     if result.borderline:
         numbers = ", ".join(str(number) for number in result.borderline)
-        output.print(f"worth a look, the most doubtful first: {numbers}", highlight=False, soft_wrap=True)
+        output.print(
+            f"{result.motion}: worth a look, the most doubtful first: {numbers}", highlight=False, soft_wrap=True
+        )
     if result.is_new:
         output.print(
-            f"{result.rows_per_second:,.0f} rows/s and {result.megabytes_per_second:.1f} MB/s while simulating, "
-            f"{100.0 * result.waiting_share:.1f} % of it waiting for the disk; dataset written in "
+            f"{result.motion}: {result.rows_per_second:,.0f} rows/s and {result.megabytes_per_second:.1f} MB/s while "
+            f"simulating, {100.0 * result.waiting_share:.1f} % of it waiting for the disk; dataset written in "
             f"{result.write_time:.1f} s",
             highlight=False,
             soft_wrap=True,
