@@ -1,6 +1,7 @@
 """Stages on a Ray cluster. Machines share nothing but the folder of the run and that of the source clips."""
 
 import os
+import socket
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -8,6 +9,9 @@ from typing import Any
 from kine2go_warp.errors import PipelineError
 from kine2go_warp.pipelines.job import Job
 from kine2go_warp.pipelines.worker import Outcome, run_stage
+
+CONNECT_TIME = 10.0
+"""How long to wait for a cluster to answer [s]."""
 
 HEAVY_STAGES = ("train", "gather")
 """Stages that simulate, and so want a GPU where there are any."""
@@ -33,6 +37,7 @@ class RayEngine:
         except ImportError:
             raise PipelineError("Ray is not installed; install it with 'uv sync --extra cluster'") from None
         self._ray = ray
+        check_reachable(address)
         if not ray.is_initialized():
             try:
                 ray.init(address=address, log_to_driver=False, logging_level="ERROR", configure_logging=False)
@@ -78,6 +83,22 @@ class RayEngine:
         except self._ray.exceptions.RayError as error:
             why = f"{error.__class__.__name__}: {' '.join(str(error).split())[:200]}"
             return Outcome(motion, stage, "died", why=why)
+
+
+def check_reachable(address: str) -> None:
+    """Look whether anybody listens, since Ray itself tries for minutes.
+
+    Raises:
+        PipelineError: nobody does.
+    """
+    host, _, port = address.rpartition(":")
+    if not port.isdigit() or "/" in host:
+        return
+    try:
+        socket.create_connection((host, int(port)), CONNECT_TIME).close()
+    except OSError as error:
+        said = error.strerror or str(error)
+        raise PipelineError(f"no Ray cluster at '{address}' ({said}); see docs/cluster.md") from None
 
 
 def run_on_node(job: Job, stage: str) -> Outcome:
