@@ -201,7 +201,7 @@ class TrainingTask:
     strict: bool
     on_progress: Callable[..., None] | None
     should_stop: Callable[[], bool] | None
-    audience: "Audience | None"
+    audience: "Audience | None" = None
 
     def run(self, record: PolicyRecord, start: ResumePoint | None) -> PolicyRecord:
         """Run PPO from a checkpoint or from the beginning, and record how far it came, also if it is interrupted."""

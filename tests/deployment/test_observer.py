@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp import deployment
 from kine2go_warp.deployment.controller import ExportedPolicy, PolicyController
+from kine2go_warp.deployment.export import action_rule
 from kine2go_warp.deployment.metadata import ObservationRow
 from kine2go_warp.deployment.observer import MeasuredState, ObservationBuilder
 from kine2go_warp.deployment.reference import PlacedClip
@@ -75,8 +76,7 @@ def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_
     config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(form=form, clip=0.8))
     environment = ImitationEnvironment([clip], config, "cpu")
     policy = ExportedPolicy.load(exported)
-    rule = replace(policy.metadata.action, form=form, clip=0.8)
-    policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=rule))
+    policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=action_rule(config)))
     controllers = [PolicyController(policy) for _ in range(4)]
     for world, controller in enumerate(controllers):
         begin_as(environment, world, controller)

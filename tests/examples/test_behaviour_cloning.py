@@ -99,8 +99,9 @@ def test_the_script_compares_the_clone_with_its_original(clean_dataset, policy, 
 
 def test_a_policy_that_did_not_make_the_dataset_is_refused_in_one_line(clean_dataset, policy, tmp_path, capsys):
     other = shutil.copytree(policy.path, tmp_path / "other")
-    shutil.copy(other / "model_2.pt", other / "model_3.pt")
-    (other / "model_3.pt").write_bytes((other / "model_3.pt").read_bytes() + b" ")
+    checkpoint = torch.load(other / "model_2.pt", weights_only=True)
+    next(iter(checkpoint["actor_state_dict"].values())).add_(1e-3)
+    torch.save(checkpoint, other / "model_2.pt")
     assert main([str(clean_dataset), str(other), *TINY]) == 2
     message = capsys.readouterr().err
     assert "was not gathered from the policy" in message

@@ -11,6 +11,7 @@ import zarr
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
@@ -82,11 +83,19 @@ def test_a_dataset_with_rejected_rollouts_is_clean(with_rejected):
 
 def test_the_budget_ends_the_rounds_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):
     second_best = float(np.sort(everything.groups["quality"]["joint_rmse"])[1])
-    config = replace(strict, max_joint_rmse=second_best * 1.0001, keep_rejected=False)
+    config = replace(strict, max_joint_rmse=second_best * 1.0001, keep_rejected=False, least_accepted=0.0)
     result = gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
     assert (result.accepted, result.rejected) == (2, {"joint_error": 22})
     assert "rejected" not in zarr.open_group(tmp_path / "dataset.zarr" / "dog_trot", mode="r")
     assert [path.name for path in tmp_path.iterdir()] == ["dataset.zarr"]
+
+
+def test_too_few_accepted_rollouts_are_refused_and_nothing_is_written(policy, everything, strict, tmp_path):
+    second_best = float(np.sort(everything.groups["quality"]["joint_rmse"])[1])
+    config = replace(strict, max_joint_rmse=second_best * 1.0001)
+    with pytest.raises(DatasetError, match=r"2 of 24 rollouts were accepted, too few \(22 by joint_error\)"):
+        gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_noise_friction_mass_and_start_differ_and_are_stored(everything):
