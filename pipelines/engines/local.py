@@ -17,6 +17,10 @@ MEMORY_A_WORKER = 2.0
 """Memory that a worker may need [GB]."""
 
 
+PATIENCE = 10.0
+"""How long an idle worker may take to end [s]."""
+
+
 @dataclass
 class Worker:
     """One worker process, seen from the process that runs the recipe."""
@@ -76,7 +80,12 @@ class LocalEngine:
         return [self._settle(one) for one in busy if one.connection in ready]
 
     def close(self) -> None:
-        """Kill all workers; unfinished artefacts stay as after any kill."""
+        """Let idle workers end and kill the others; unfinished artefacts stay as after any kill."""
+        for worker in self._workers:
+            if worker is not None and worker.job is None:
+                # It ends by itself and gives back what it holds, such as semaphores, which a kill would leave behind.
+                worker.connection.close()
+                worker.process.join(PATIENCE)
         for worker in self._workers:
             if worker is not None:
                 self._end(worker)
