@@ -10,6 +10,9 @@ from kine2go_warp.errors import PipelineError
 from kine2go_warp.pipelines.job import Job
 from kine2go_warp.pipelines.worker import Outcome, run_stage
 
+# Under 'uv run' Ray would build the environment anew on every machine; here they all have it. Ray reads this once.
+os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+
 CONNECT_TIME = 10.0
 """How long to wait for a cluster to answer [s]."""
 
