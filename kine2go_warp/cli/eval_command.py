@@ -12,6 +12,9 @@ from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from kine2go_warp.evaluation.figures import Result
 
 HEADLINES = {
@@ -93,27 +96,43 @@ def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]")
     from rich.markup import escape
     from rich.table import Table
 
-    from kine2go_warp.cli.score_command import figure
     from kine2go_warp.cli.tables import console
     from kine2go_warp.evaluation.figures import TARGET_SURVIVAL, TARGETS
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
     table = Table(title=escape(title), title_justify="left")
-    for heading in ("clip", "condition"):
-        table.add_column(heading, overflow="fold")
-    table.add_column(escape("survival\n[1]\n(95 %)"), justify="right")
-    for heading in HEADLINES.values():
-        table.add_column(escape(heading), justify="right")
+    add_columns(table, "condition")
     table.add_column("meets\ntargets", justify="right")
     for one in results:
-        survival = one.survival
-        share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
-        figures = (figure(one.estimate(name).value) for name in HEADLINES)
-        table.add_row(one.clip, one.condition, share, *figures, "yes" if one.meets_targets else "no")
+        table.add_row(*cells(one), "yes" if one.meets_targets else "no")
     output = console()
     output.print(table)
     targets = ", ".join(f"{name} <= {value:g}" for name, value in TARGETS.items())
     output.print(f"targets: {targets}, survival >= {TARGET_SURVIVAL:g}", highlight=False, soft_wrap=True)
+    print_early_ends(output, results)
+
+
+def add_columns(table: "Table", told_apart_by: str) -> None:
+    """Add a column for the clip, for what tells its results apart, and for each figure."""
+    from rich.markup import escape
+
+    for heading in ("clip", told_apart_by):
+        table.add_column(heading, overflow="fold")
+    for heading in ("survival\n[1]\n(95 %)", *HEADLINES.values()):
+        table.add_column(escape(heading), justify="right")
+
+
+def cells(result: "Result") -> tuple[str, ...]:
+    """Return a result as the cells of those columns."""
+    from kine2go_warp.cli.score_command import figure
+
+    survival = result.survival
+    share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
+    return result.clip, result.condition, share, *(figure(result.estimate(name).value) for name in HEADLINES)
+
+
+def print_early_ends(output: "Console", results: "Sequence[Result]") -> None:
+    """Print why rollouts ended before their time."""
     for one in results:
         if one.reasons:
             early = ", ".join(f"{count} by {reason}" for reason, count in one.reasons.items())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.eval_command import HEADLINES, check_output
+from kine2go_warp.cli.eval_command import add_columns, cells, check_output, print_early_ends
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,28 +74,17 @@ def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Compa
     from rich.markup import escape
     from rich.table import Table
 
-    from kine2go_warp.cli.score_command import figure
     from kine2go_warp.cli.tables import console
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same beginnings"
     table = Table(title=escape(title), title_justify="left")
-    for heading in ("clip", "simulator"):
-        table.add_column(heading, overflow="fold")
-    table.add_column(escape("survival\n[1]\n(95 %)"), justify="right")
-    for heading in HEADLINES.values():
-        table.add_column(escape(heading), justify="right")
+    add_columns(table, "simulator")
     for one in found:
         for result in (one.newton, one.mujoco):
-            survival = result.survival
-            share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
-            figures = (figure(result.estimate(name).value) for name in HEADLINES)
-            table.add_row(result.clip, result.condition, share, *figures)
+            table.add_row(*cells(result))
     output = console()
     output.print(table)
     for one in found:
         parts = ", ".join(f"{1e3 * distance:.2g} mm after {time:g} s" for time, distance in one.apart.items())
         output.print(f"{one.newton.clip}: roots apart (median): {parts}", highlight=False, soft_wrap=True)
-        for result in (one.newton, one.mujoco):
-            if result.reasons:
-                early = ", ".join(f"{count} by {reason}" for reason, count in result.reasons.items())
-                output.print(f"ended early: {result.clip}, {result.condition}: {early}", highlight=False)
+        print_early_ends(output, (one.newton, one.mujoco))

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import logging
-import os
 import shutil
 import warnings
 from collections.abc import Iterator
@@ -38,7 +37,7 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.files import flush_folder, sha256_of
+from kine2go_warp.files import atomic_folder, sha256_of
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv
@@ -75,11 +74,7 @@ def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False, spec
     check_target(out, overwrite)
     record = policy.read_record()
     actor, observations = actor_and_observations(policy, record)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    staging = out.with_name(f".tmp-{os.getpid()}-{out.name}")
-    shutil.rmtree(staging, ignore_errors=True)
-    staging.mkdir()
-    try:
+    with atomic_folder(out) as staging:
         clips = copy_clips(policy, record, staging)
         write_onnx(actor, observations.shape[1], staging / ONNX_FILE)
         script = scripted(actor)
@@ -91,10 +86,6 @@ def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False, spec
             torch.jit.save(script, staging / TORCHSCRIPT_FILE, _extra_files={METADATA_FILE: text})
         (staging / METADATA_FILE).write_text(text + "\n")
         (staging / "README.md").write_text(policy_card(metadata))
-        flush_folder(staging)
-        put_in_place(staging, out)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
     return metadata
 
 
@@ -110,15 +101,6 @@ def check_target(out: Path, overwrite: bool) -> None:
         raise PolicyError(f"{out}: exists and is no exported policy; choose another folder with --out")
     if not overwrite:
         raise PolicyError(f"{out}: holds an exported policy already; replace it with --overwrite")
-
-
-def put_in_place(staging: Path, out: Path) -> None:
-    """Rename a finished export to its name, and remove what was there."""
-    old = staging.with_name(f"{staging.name}-old")
-    if out.exists():
-        out.rename(old)
-    staging.rename(out)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def actor_and_observations(policy: PolicyFolder, record: PolicyRecord) -> tuple[NoisyPolicy, torch.Tensor]:

@@ -1,8 +1,6 @@
 """Exporting a dataset: the whole folder appears at once, or not at all."""
 
 import json
-import os
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ from kine2go_warp.dataset.access import Dataset, open_dataset
 from kine2go_warp.errors import ExportError
 from kine2go_warp.exports.card import dataset_card
 from kine2go_warp.exports.fields import Field
-from kine2go_warp.files import flush_folder
+from kine2go_warp.files import atomic_folder
 
 FORMATS = ("lerobot", "npz")
 
@@ -65,18 +63,10 @@ def export_dataset(
         raise ExportError(f"{path}: holds no trajectories to export")
     names = tuple(dict.fromkeys(one.motion for one in dataset.references))
     record = ExportRecord(form, path.resolve().name, names, len(dataset.references), dataset.num_rows, __version__)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    staging = out.with_name(f".tmp-{os.getpid()}-{out.name}")
-    shutil.rmtree(staging, ignore_errors=True)
-    staging.mkdir()
-    try:
+    with atomic_folder(out) as staging:
         fields = write(dataset, form, staging, on_trajectory)
         (staging / "README.md").write_text(dataset_card(dataset, form, fields, loading(dataset, form)))
         (staging / RECORD).write_text(json.dumps(asdict(record), indent=1))
-        flush_folder(staging)
-        put_in_place(staging, out)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
     return record
 
 
@@ -122,14 +112,3 @@ def loading(dataset: Dataset, form: str) -> str:
     from kine2go_warp.exports import lerobot
 
     return lerobot.LOADING.replace("FPS", f"{dataset.rate:.0f}")
-
-
-def put_in_place(staging: Path, out: Path) -> None:
-    """Rename a finished export to its name, and remove the older one."""
-    if not out.exists():
-        staging.rename(out)
-        return
-    old = staging.with_name(f"{staging.name}-old")
-    out.rename(old)
-    staging.rename(out)
-    shutil.rmtree(old)

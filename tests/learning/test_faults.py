@@ -10,7 +10,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
@@ -24,6 +23,7 @@ from kine2go_warp.learning.presets import FAST, PRESETS, ROBUST
 from kine2go_warp.learning.train import ResumePoint, TrainingTask, resume_point, train
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
+from tests.killing import KillableWorker, spread_moments
 from tests.learning.helpers import StopAfter, assert_same_training
 
 TINY = TrainConfig(num_worlds=16, iterations=4)
@@ -128,54 +128,24 @@ def test_strict_training_does_not_take_over_the_phases_of_several_processes(clip
         task.run(PolicyRecord(ROBUST, (), "", 0, 0.0), start)
 
 
-class Trainer:
-    """Trains in children of a process of its own, which can be killed."""
-
-    def __init__(self, clip: Path, reference: Path) -> None:
-        command = [sys.executable, "-m", "tests.learning.train_process", str(clip), str(reference)]
-        pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdin=pipe, stdout=pipe, text=True)
-        assert self._line() == ["ready"]
-
-    def train(self, folder: Path, kill_after: float | None = None) -> tuple[int, float]:
-        """Train a policy; returns exit status (-9 if it was killed) and time taken [s]."""
-        print(folder, file=self.process.stdin, flush=True)
-        child = int(self._line()[0])
-        if kill_after is not None:
-            time.sleep(kill_after)
-            # The child is not waited for before it is killed, or has ended: its number is not another's.
-            os.kill(child, signal.SIGKILL) if Path(f"/proc/{child}").exists() else None
-        status, seconds = self._line()
-        return int(status), float(seconds)
-
-    def _line(self) -> list[str]:
-        return self.process.stdout.readline().split()
-
-    def close(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
-        self.process.stdout.close()
-
-
 def kill_at_random_moments(clip, folder: Path, kills: int) -> None:
     """Kill trainings, spread over their whole life, and run each again."""
     clip.save(folder / "clip.npz")
-    trainer = Trainer(folder / "clip.npz", folder / "reference")
-    status, life = trainer.train(folder / "again")
-    assert status == 0
-    assert_same_training(folder / "again", folder / "reference")
-    rng, killed, resumed = np.random.default_rng(0), 0, 0
-    for number, part in enumerate(rng.permutation(kills)):
-        policy = PolicyFolder(folder / str(number))
-        status, _ = trainer.train(policy.path, kill_after=life * (part + rng.random()) / kills)
-        killed += status != 0
-        resumed += bool(status) and bool(policy.checkpoints())
-        assert trainer.train(policy.path)[0] == 0
-        assert policy.read_record().complete
-        assert_same_training(policy.path, folder / "reference")
-        assert not list(policy.path.glob(".tmp-*"))
-        assert not list(policy.path.glob("*.damaged")), "a kill damages no checkpoint"
-    trainer.close()
+    killed = resumed = 0
+    with KillableWorker("tests.learning.train_process", folder / "clip.npz", folder / "reference") as trainer:
+        status, life = trainer.ask(folder / "again")
+        assert status == 0
+        assert_same_training(folder / "again", folder / "reference")
+        for number, moment in enumerate(spread_moments(kills)):
+            policy = PolicyFolder(folder / str(number))
+            status, _ = trainer.ask(policy.path, kill_after=life * moment)
+            killed += status != 0
+            resumed += bool(status) and bool(policy.checkpoints())
+            assert trainer.ask(policy.path)[0] == 0
+            assert policy.read_record().complete
+            assert_same_training(policy.path, folder / "reference")
+            assert not list(policy.path.glob(".tmp-*"))
+            assert not list(policy.path.glob("*.damaged")), "a kill damages no checkpoint"
     print(f"{killed} of {kills} killed within {life:.1f} s, {resumed} of them with a checkpoint")
     assert killed > kills // 2
 

@@ -22,41 +22,13 @@ from kine2go_warp.pipelines.workspace import Workspace
 from kine2go_warp.robots import GO2
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
+from tests.killing import KillableWorker, spread_moments
 from tests.pipelines.helpers import TINY, TWO, content, run, write_sources
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     return write_sources(tmp_path_factory.mktemp("sources"))
-
-
-class RunServer:
-    """Runs ``SHORT`` in children of a process of its own, which can be killed."""
-
-    def __init__(self, data: Path, reference: Path) -> None:
-        command = [sys.executable, "-m", "tests.pipelines.run_process", str(data), str(reference)]
-        pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdin=pipe, stdout=pipe, text=True)
-        assert self._line() == ["ready"]
-
-    def run(self, folder: Path, kill_after: float | None = None) -> tuple[int, float]:
-        """Run the recipe; returns exit status (-9 if it was killed) and time taken [s]."""
-        print(folder, file=self.process.stdin, flush=True)
-        child = int(self._line()[0])
-        if kill_after is not None:
-            time.sleep(kill_after)
-            # The child is not waited for before it is killed, or has ended: its number is not another's.
-            os.kill(child, signal.SIGKILL) if Path(f"/proc/{child}").exists() else None
-        status, seconds = self._line()
-        return int(status), float(seconds)
-
-    def _line(self) -> list[str]:
-        return self.process.stdout.readline().split()
-
-    def close(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
-        self.process.stdout.close()
 
 
 def unfinished(folder: Path) -> str:
@@ -66,26 +38,24 @@ def unfinished(folder: Path) -> str:
 
 
 def kill_runs(data: Path, folder: Path, kills: int) -> None:
-    reference = folder / "reference"
-    server = RunServer(data, reference)
-    expected = content(reference)
-    status, life = server.run(folder / "again")
-    assert (status, content(folder / "again")) == (0, expected), "undisturbed runs agree"
-    rng, landed = np.random.default_rng(0), Counter()
-    # Stratified: moments are random, and spread over the whole life.
-    for number, part in enumerate(rng.permutation(kills)):
-        place = folder / str(number)
-        status, seconds = server.run(place, kill_after=life * (part + rng.random()) / kills)
-        if not status:
-            # The machine has become faster since the life was measured.
-            life = min(life, seconds)
-        landed[unfinished(place) if status else "after the end"] += 1
-        assert server.run(place)[0] == 0
-        assert content(place) == expected, "the next run completes it with the same bits"
-        assert check_dataset(Workspace(place).dataset, GO2).is_clean
-        assert not list((place / "artefacts").glob("*/.work-*"))
-        shutil.rmtree(place)
-    server.close()
+    """Kill runs, spread over their whole life, and run each again."""
+    reference, landed = folder / "reference", Counter()
+    with KillableWorker("tests.pipelines.run_process", data, reference) as runner:
+        expected = content(reference)
+        status, life = runner.ask(folder / "again")
+        assert (status, content(folder / "again")) == (0, expected), "undisturbed runs agree"
+        for number, moment in enumerate(spread_moments(kills)):
+            place = folder / str(number)
+            status, seconds = runner.ask(place, kill_after=life * moment)
+            if not status:
+                # The machine has become faster since the life was measured.
+                life = min(life, seconds)
+            landed[unfinished(place) if status else "after the end"] += 1
+            assert runner.ask(place)[0] == 0
+            assert content(place) == expected, "the next run completes it with the same bits"
+            assert check_dataset(Workspace(place).dataset, GO2).is_clean
+            assert not list((place / "artefacts").glob("*/.work-*"))
+            shutil.rmtree(place)
     print(f"{kills} kills over {life:.1f} s: {dict(landed)}")
     assert landed["after the end"] <= kills // 2
 

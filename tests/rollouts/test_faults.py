@@ -1,16 +1,10 @@
 """Gathering loses nothing: not by a kill at any moment, not by a full disk."""
 
-import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from kine2go_warp.cli.main import main
@@ -18,8 +12,9 @@ from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.staging import StagingArea
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.robots import GO2
-from tests.conftest import ANYTHING_GOES, REPOSITORY
+from tests.conftest import ANYTHING_GOES
 from tests.dataset.helpers import assert_it_is_complete, assert_it_opens, files_of, small_disk
+from tests.killing import KillableWorker, spread_moments
 from tests.rollouts.gather_process import MOTIONS
 
 
@@ -35,69 +30,48 @@ def policies(policy, tmp_path_factory):
     return folder
 
 
-class Gatherer:
-    """Gathers in children of a process of its own, which can be killed."""
-
-    def __init__(self, policies: Path, reference: Path) -> None:
-        command = [sys.executable, "-m", "tests.rollouts.gather_process", str(policies), str(reference)]
-        pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdin=pipe, stdout=pipe, text=True)
-        assert self._line() == ["ready"]
-
-    def gather(self, store: Path, seed: int, kill_after: float | None = None) -> tuple[int, float]:
-        """Gather both motions into a store; returns exit status (-9 if it was killed) and time taken [s]."""
-        print(store, seed, file=self.process.stdin, flush=True)
-        child = int(self._line()[0])
-        if kill_after is not None:
-            time.sleep(kill_after)
-            # The child is not waited for before it is killed, or has ended: its number is not another's.
-            os.kill(child, signal.SIGKILL) if Path(f"/proc/{child}").exists() else None
-        status, seconds = self._line()
-        return int(status), float(seconds)
-
-    def _line(self) -> list[str]:
-        return self.process.stdout.readline().split()
-
-    def close(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
-        self.process.stdout.close()
-
-
 def kill_at_random_moments(policies: Path, folder: Path, kills: int) -> None:
     """Kill gathering; every second time it replaces motions that were gathered with another seed."""
     reference, older = folder / "reference" / "dataset.zarr", folder / "older" / "dataset.zarr"
-    gatherer = Gatherer(policies, reference)
-    assert gatherer.gather(older, 1)[0] == 0
-    again = folder / "again" / "dataset.zarr"
-    status, life = gatherer.gather(again, 0)
-    assert (status, files_of(again)) == (0, files_of(reference)), "undisturbed runs agree"
-    assert check_dataset(reference, GO2).is_clean
-    whole = {name: [files_of(path / name) for path in (reference, older)] for name in MOTIONS}
-    rng, landed = np.random.default_rng(0), Counter()
-    # Stratified: moments are random, and spread over the whole life.
-    for number, part in enumerate(rng.permutation(kills)):
-        store = folder / str(number) / "dataset.zarr"
-        if number % 2:
-            shutil.copytree(older, store)
-        status, _ = gatherer.gather(store, 0, kill_after=life * (part + rng.random()) / kills)
-        left = {one.kind for one in StagingArea(store).leftovers()}
-        landed[
-            "after the end" if not status else "writing" if left - {"spool"} else "gathering" if left else "other"
-        ] += 1
-        if store.exists():
-            names = assert_it_opens(store)
-            aside = {one.motion: one.folder for one in StagingArea(store).leftovers() if one.kind == "old"}
-            for name in MOTIONS if number % 2 else names:
-                assert files_of(store / name if name in names else aside[name]) in whole[name]
-            assert not names or check_dataset(store, GO2).is_clean
-        assert gatherer.gather(store, 0)[0] == 0
-        assert_it_is_complete(store, list(MOTIONS))
-        assert files_of(store) == files_of(reference), "the next run completes it with the same bits"
-        shutil.rmtree(store.parent)
-    gatherer.close()
+    with KillableWorker("tests.rollouts.gather_process", policies, reference) as gatherer:
+        assert gatherer.ask(older, 1)[0] == 0
+        again, landed = folder / "again" / "dataset.zarr", Counter()
+        status, life = gatherer.ask(again, 0)
+        assert (status, files_of(again)) == (0, files_of(reference)), "undisturbed runs agree"
+        assert check_dataset(reference, GO2).is_clean
+        whole = {name: [files_of(path / name) for path in (reference, older)] for name in MOTIONS}
+        for number, moment in enumerate(spread_moments(kills)):
+            store = folder / str(number) / "dataset.zarr"
+            if number % 2:
+                shutil.copytree(older, store)
+            status, seconds = gatherer.ask(store, 0, kill_after=life * moment)
+            if not status:
+                # The machine has become faster since the life was measured.
+                life = min(life, seconds)
+            landed[stage_of(store) if status else "after the end"] += 1
+            if store.exists():
+                assert_the_rest_is_whole(store, whole, replacing=bool(number % 2))
+            assert gatherer.ask(store, 0)[0] == 0
+            assert_it_is_complete(store, list(MOTIONS))
+            assert files_of(store) == files_of(reference), "the next run completes it with the same bits"
+            shutil.rmtree(store.parent)
     print(f"{kills} kills over {life:.1f} s: {dict(landed)}")
     assert landed["after the end"] <= kills // 2
+
+
+def stage_of(store: Path) -> str:
+    """What gathering was at when it was killed, told by what it has left."""
+    left = {one.kind for one in StagingArea(store).leftovers()}
+    return "writing" if left - {"spool"} else "gathering" if left else "other"
+
+
+def assert_the_rest_is_whole(store: Path, whole: dict[str, list[dict[str, bytes]]], replacing: bool) -> None:
+    """A store opens after a kill, and each motion in it, or set aside, is one of those that were written whole."""
+    names = assert_it_opens(store)
+    aside = {one.motion: one.folder for one in StagingArea(store).leftovers() if one.kind == "old"}
+    for name in MOTIONS if replacing else names:
+        assert files_of(store / name if name in names else aside[name]) in whole[name]
+    assert not names or check_dataset(store, GO2).is_clean
 
 
 def test_gathering_that_is_killed_at_any_moment_loses_nothing(policies, tmp_path):

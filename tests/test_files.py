@@ -1,0 +1,62 @@
+"""Files and folders appear whole or not at all."""
+
+import pytest
+
+from kine2go_warp.files import atomic_file, atomic_folder
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def half_a_file(path):
+    with atomic_file(path) as temporary:
+        temporary.write_text("ne")
+        raise KeyboardInterrupt
+
+
+def half_a_folder(path):
+    with atomic_folder(path) as temporary:
+        (temporary / "half").write_text("1")
+        raise KeyboardInterrupt
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path):
+    path = tmp_path / "new" / "figures.json"
+    with atomic_file(path) as temporary:
+        temporary.write_text("1")
+        assert not path.exists()
+    assert path.read_text() == "1"
+    assert names(path.parent) == ["figures.json"]
+
+
+def test_a_file_stays_as_it_was_if_writing_is_interrupted(tmp_path):
+    path = tmp_path / "figures.json"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        half_a_file(path)
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["figures.json"]
+
+
+def test_a_folder_replaces_the_older_one_when_it_is_whole(tmp_path):
+    for content in ("old", "new"):
+        with atomic_folder(tmp_path / "export") as temporary:
+            assert names(temporary) == []
+            (temporary / content).write_text("1")
+    assert names(tmp_path / "export") == ["new"]
+    assert names(tmp_path) == ["export"]
+
+
+def test_a_folder_is_not_there_if_writing_is_interrupted(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        half_a_folder(tmp_path / "export")
+    assert names(tmp_path) == []
+
+
+def test_a_folder_stays_as_it_was_if_writing_is_interrupted(tmp_path):
+    (tmp_path / "export" / "old").mkdir(parents=True)
+    with pytest.raises(KeyboardInterrupt):
+        half_a_folder(tmp_path / "export")
+    assert names(tmp_path) == ["export"]
+    assert names(tmp_path / "export") == ["old"]
