@@ -256,8 +256,11 @@ def reset_root(
 
 
 @wp.kernel
-def advance_counters(reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64)):
-    """Count one control step. Launched over [num_worlds]."""
+def advance_counters(
+    reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64), age: wp.array(dtype=int)
+):
+    """Count one control step. Launched over [num_worlds]. ``age`` counts on from episode to episode."""
     world = wp.tid()
     reference_step[world] = reference_step[world] + 1
     episode_length[world] = episode_length[world] + wp.int64(1)
+    age[world] = age[world] + 1

@@ -31,6 +31,13 @@ REASON_DESCRIPTIONS = (
 """What the reasons mean, indexed likewise."""
 
 
+@wp.func
+def tightened(limit: float, looseness: float, age: int, tightening_steps: int) -> float:
+    """Return a limit that falls within some steps from ``looseness`` times its value to its value."""
+    progress = wp.min(float(age) / float(wp.max(tightening_steps, 1)), 1.0)
+    return limit * (looseness + (1.0 - looseness) * progress)
+
+
 @wp.kernel
 def terminate(
     robot: RobotState,
@@ -42,6 +49,9 @@ def terminate(
     max_episode_length: wp.int64,
     max_distance: float,
     max_angle: float,
+    age: wp.array(dtype=int),
+    looseness: float,
+    tightening_steps: int,
     reason: wp.array(dtype=int),
     reason_count: wp.array(dtype=int),
     done: wp.array(dtype=wp.int64),
@@ -51,7 +61,9 @@ def terminate(
 
     A failure is reported before a time-out, since only a time-out may be bootstrapped from the value function.
     ``overflow`` is the solver's own bit mask, shape [num_worlds]; the bits of ``overflow_mask`` count, and it is
-    cleared. ``reason_count`` counts the ends by reason, shape [number of reasons].
+    cleared. ``age`` is the number of control steps that a world has seen, shape [num_worlds]: within the first
+    ``tightening_steps`` the limits fall from ``looseness`` times their values. ``reason_count`` counts the ends by
+    reason, shape [number of reasons].
     """
     world = wp.tid()
     why = int(REASON_NONE)
@@ -65,9 +77,9 @@ def terminate(
         angle = rotation_angle(root_orientation(robot, world), wp.transform_get_rotation(root))
         if body_contact[world] > 0:
             why = REASON_BODY_CONTACT
-        elif distance > max_distance:
+        elif distance > tightened(max_distance, looseness, age[world], tightening_steps):
             why = REASON_DISTANCE
-        elif angle > max_angle:
+        elif angle > tightened(max_angle, looseness, age[world], tightening_steps):
             why = REASON_ROTATION
         elif episode_length[world] >= max_episode_length:
             why = REASON_TIME_OUT

@@ -6,6 +6,7 @@ Nothing heavy is imported here: the command line reads it.
 from dataclasses import dataclass, replace
 from typing import Any
 
+from kine2go_warp.env.config import TerminationConfig
 from kine2go_warp.learning.presets import FAST, Preset
 
 
@@ -65,6 +66,13 @@ CHOICES = (
         "the squared change of the outputs costs 0.02 (times 1/60) of the reward",
         (("env.reward.action_rate", 0.02),),
     ),
+    Choice(
+        "tightening",
+        "limits of failure fall from 0.8 m and 2 rad to 0.2 m and 0.5 rad within the iterations of `fast`",
+        (("env.termination", TerminationConfig(0.2, 0.5, looseness=4.0, tightening_time=48.0)),),
+    ),
+    Choice("falling_noise", "the noise falls to 0.1 within the iterations of `fast`", (("ppo.final_noise", 0.1),)),
+    Choice("falling_entropy", "the entropy coefficient falls to 0 likewise", (("ppo.final_entropy", 0.0),)),
     Choice("small_noise", "initial noise 0.2, instead of 0.4", (("ppo.initial_noise", 0.2),)),
     Choice("paper_noise", "initial noise 1.0 (paper)", (("ppo.initial_noise", 1.0),)),
     Choice("paper_discount", "discount 0.99 (paper), instead of 0.97", (("ppo.discount", 0.99),)),

@@ -81,6 +81,22 @@ class TerminationConfig:
     """Root from its reference [m]."""
     max_angle: float = 1.5708
     """Root orientation from its reference [rad]."""
+    looseness: float = 1.0
+    """Both limits when training begins, as multiples of the values above."""
+    tightening_time: float = 0.0
+    """Simulated time of each world within which they fall to those values [s]."""
+
+    def __post_init__(self) -> None:
+        if self.looseness < 1.0 or self.tightening_time < 0.0:
+            raise Kine2GoError(
+                f"looseness is {self.looseness:g} and tightening_time {self.tightening_time:g}; "
+                "they must be at least 1 and 0"
+            )
+
+    @property
+    def tightens(self) -> bool:
+        """Whether the limits change at all."""
+        return self.looseness > 1.0
 
 
 Range = tuple[float, ...]
@@ -248,6 +264,11 @@ class EnvConfig:
     def max_episode_length(self) -> int:
         """Longest episode [control steps]."""
         return round(self.episode_time * self.control_rate)
+
+    @property
+    def tightening_steps(self) -> int:
+        """Control steps within which the limits of failure tighten."""
+        return round(self.termination.tightening_time * self.control_rate)
 
     @property
     def max_contacts(self) -> int:

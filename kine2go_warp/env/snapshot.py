@@ -107,9 +107,13 @@ class WorldSnapshot:
             raise Kine2GoError(f"{path}: not a snapshot that can be read ({error})") from None
 
 
-def seen_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
-    """Return what policy and critic see, with its history, by name; the first axis of each is the world."""
-    return {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
+def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+    """Return what else training needs to go on, by name; the first axis of each is the world.
+
+    It is what policy and critic see, with its history, and the age that tightens the limits of failure, if it does.
+    """
+    arrays = {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
+    return arrays | ({"age": environment.episodes.age} if environment.config.termination.tightens else {})
 
 
 def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
@@ -126,14 +130,14 @@ class EnvironmentSnapshot:
     """All that an environment needs to go on exactly under a policy, between two control steps."""
 
     worlds: dict[str, NDArray]
-    """As in ``world_arrays`` and ``seen_arrays``; the first axis of each is the world."""
+    """As in ``world_arrays`` and ``training_arrays``; the first axis of each is the world."""
     phases: dict[str, NDArray]
     """As in ``phase_arrays``, one table for each process that has its own, shape [num_tables, bins] each."""
 
     @classmethod
     def take(cls, environment: ImitationEnvironment) -> "EnvironmentSnapshot":
         """Copy the state of an environment to the host."""
-        worlds = {**world_arrays(environment), **seen_arrays(environment)}
+        worlds = {**world_arrays(environment), **training_arrays(environment)}
         return cls(
             {name: array.numpy().copy() for name, array in worlds.items()},
             {name: array.numpy()[None].copy() for name, array in phase_arrays(environment).items()},
@@ -170,7 +174,7 @@ class EnvironmentSnapshot:
         """
         WorldSnapshot(self.worlds).restore(environment)
         with wp.ScopedDevice(environment.device):
-            for name, array in seen_arrays(environment).items():
+            for name, array in training_arrays(environment).items():
                 array.assign(self.worlds[name])
             for name, array in phase_arrays(environment).items():
                 array.assign(self.phases[name][0])

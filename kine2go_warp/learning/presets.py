@@ -32,6 +32,13 @@ class PpoConfig:
     desired_kl: float = 0.01
     clip: float = 0.2
     entropy: float = 0.01
+    final_entropy: float | None = None
+    """Entropy coefficient after ``annealing`` iterations, to which it falls linearly; by default it stays."""
+    final_noise: float | None = None
+    """Greatest standard deviation after ``annealing`` iterations; the limit falls to it linearly from
+    ``initial_noise``. By default there is none."""
+    annealing: int = 120
+    """[iterations]"""
     value_loss: float = 1.0
     max_gradient: float = 1.0
     epochs: int = 5

@@ -16,6 +16,7 @@ from rsl_rl.utils.logger import Logger
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import Kine2GoError, PolicyError
 from kine2go_warp.interruption import TrainingInterrupted
+from kine2go_warp.learning.annealing import anneal
 from kine2go_warp.learning.checkpoint import arrays, tensors, write_checkpoint
 from kine2go_warp.learning.divergence import DivergenceWatch
 from kine2go_warp.learning.policy import PolicyFolder
@@ -137,7 +138,7 @@ class ImitationRunner(OnPolicyRunner):
         super().__init__(
             env, config.runner_settings(seed, env.config.privileged), log_dir=str(folder), device=str(env.device)
         )
-        self.folder = PolicyFolder(folder)
+        self.config, self.folder = config, PolicyFolder(folder)
         self.logger.__class__ = QuietLogger
         self.logger.count_faults = lambda: self._earlier_faults + env.fault_count()
         self.logger.on_iteration = self._after_iteration
@@ -163,6 +164,7 @@ class ImitationRunner(OnPolicyRunner):
         first = self.logger.first_iteration = self.current_learning_iteration
         if iterations <= first:
             return
+        anneal(self.alg, self.config, first)
         try:
             self.learn(iterations - first, init_at_random_ep_len=first == 0)
         finally:
@@ -174,6 +176,7 @@ class ImitationRunner(OnPolicyRunner):
             self._on_progress(progress)
         models = (self.alg.actor, self.alg.critic)
         self.watch.check(progress.iteration, losses, progress.reward, progress.episode_length, models)
+        anneal(self.alg, self.config, progress.iteration)
         if progress.iteration < progress.total_iterations and self._should_stop():
             path = self.folder.checkpoint(self.current_learning_iteration)
             self.save(str(path))

@@ -8,6 +8,7 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout, observation_size
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS
+from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2
 from tests.env.helpers import STILL, assert_same_bits, drive
 
@@ -37,6 +38,18 @@ def test_a_limp_robot_falls_and_begins_anew(standing_clip, small_config):
         environment.step()
         names |= set(environment.episodes.reason.numpy().tolist())
     assert 3 in names, "the base touches the floor"
+
+
+def test_limits_tighten_while_worlds_grow_older(standing_clip, small_config):
+    limits = TerminationConfig(0.01, 10.0, looseness=100.0, tightening_time=0.5)
+    config = replace(small_config, motor=MotorConfig(1e-3, 0.1), termination=limits, reset=STILL)
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    failures = []
+    for _ in range(40):
+        environment.step()
+        failures.append(environment.episodes.reason.numpy() == REASON_NAMES.index("distance"))
+    assert not np.any(failures[:15]), "within half a metre of the reference nothing ends"
+    assert np.all(np.any(failures[25:], axis=0)), "a limp robot sinks by a centimetre soon"
 
 
 def test_time_outs_end_episodes_that_go_well(standing_clip, small_config):

@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
 
 from kine2go_warp.kernels.terminations import REASON_NAMES, terminate
 from tests.kernels.oracle import near, random_states, upload_reference, upload_robot
 
+TIGHTENING_STEPS = 100
 
-def reasons(robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, max_distance=1.0):
+
+def reasons(robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, max_distance=1.0, age=None):
     count = len(robot.position)
     state = upload_robot(robot, np.zeros(3))
     if joint_q is not None:
@@ -25,6 +29,9 @@ def reasons(robot, reference, body_contact=None, length=None, joint_q=None, over
         1200,
         max_distance,
         1.5708,
+        wp.array(np.int32(np.full(count, TIGHTENING_STEPS) if age is None else age), dtype=int, device="cpu"),
+        3.0,
+        TIGHTENING_STEPS,
         reason,
         counts,
         done,
@@ -48,6 +55,15 @@ def test_limits_on_distance_and_angle_agree_with_numpy(rng):
     expected = np.where(distance > 1.0, "distance", np.where(angle > 1.5708, "rotation", "none"))
     assert set(expected) == {"distance", "rotation", "none"}, "the test must see every outcome"
     np.testing.assert_array_equal(reasons(robot, reference), expected)
+
+
+def test_limits_tighten_with_age(rng):
+    age = np.arange(0, 200, 10)
+    limit = np.interp(age, [0, TIGHTENING_STEPS], [3.0, 1.0])
+    for factor, expected in ((0.99, "none"), (1.01, "distance")):
+        reference = random_states(rng, len(age))
+        robot = replace(reference, position=reference.position + (factor * limit)[:, None] * [0.6, 0.0, 0.8])
+        assert reasons(robot, reference, age=age) == [expected] * len(age)
 
 
 def test_a_failure_hides_a_time_out(rng):

@@ -15,7 +15,7 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.learning.presets import PRESETS, ROBUST
+from kine2go_warp.learning.presets import PRESETS, ROBUST, Preset
 from kine2go_warp.learning.runner import ImitationRunner
 from kine2go_warp.learning.train import ResumePoint, resume_point, train
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
@@ -25,11 +25,15 @@ ITERATIONS = 4
 
 
 @pytest.fixture(autouse=True)
-def frequent_pushes(monkeypatch):
-    """The preset ``robust`` pushes every few seconds, more rarely than these trainings last."""
-    randomization = replace(ROBUST.env.randomization, push_interval=(0.2, 0.6))
-    often = replace(ROBUST, env=replace(ROBUST.env, randomization=randomization))
-    monkeypatch.setitem(PRESETS, "robust", often)
+def everything_changes(monkeypatch):
+    """The preset ``robust`` with pushes within these short trainings, and with limits, noise and entropy that fall."""
+    env = replace(
+        ROBUST.env,
+        randomization=replace(ROBUST.env.randomization, push_interval=(0.2, 0.6)),
+        termination=replace(ROBUST.env.termination, looseness=2.0, tightening_time=1.2),
+    )
+    ppo = replace(ROBUST.ppo, final_noise=0.2, final_entropy=0.0, annealing=3)
+    monkeypatch.setitem(PRESETS, "robust", Preset(env, ppo))
 
 
 @pytest.fixture(scope="module")
