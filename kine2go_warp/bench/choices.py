@@ -6,7 +6,6 @@ Nothing heavy is imported here: the command line reads it.
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kine2go_warp.env.config import TerminationConfig
 from kine2go_warp.learning.presets import FAST, Preset
 
 
@@ -62,6 +61,12 @@ CHOICES = (
         (("env.num_worlds", 512),),
     ),
     Choice(
+        "few_worlds",
+        "128 worlds and twice as many updates, instead of 256",
+        (("env.num_worlds", 128),),
+    ),
+    Choice("many_epochs", "8 passes over the samples of an iteration, instead of 5", (("ppo.epochs", 8),)),
+    Choice(
         "action_rate",
         "the squared change of the outputs costs 0.02 (times 1/60) of the reward",
         (("env.reward.action_rate", 0.02),),
@@ -69,7 +74,12 @@ CHOICES = (
     Choice(
         "tightening",
         "limits of failure fall from 0.8 m and 2 rad to 0.2 m and 0.5 rad within the iterations of `fast`",
-        (("env.termination", TerminationConfig(0.2, 0.5, looseness=4.0, tightening_time=48.0)),),
+        (
+            ("env.termination.max_distance", 0.2),
+            ("env.termination.max_angle", 0.5),
+            ("env.termination.looseness", 4.0),
+            ("env.termination.tightening_time", 48.0),
+        ),
     ),
     Choice("falling_noise", "the noise falls to 0.1 within the iterations of `fast`", (("ppo.final_noise", 0.1),)),
     Choice("falling_entropy", "the entropy coefficient falls to 0 likewise", (("ppo.final_entropy", 0.0),)),
