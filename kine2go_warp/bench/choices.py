@@ -73,16 +73,24 @@ CHOICES = (
     ),
     Choice(
         "tightening",
-        "limits of failure fall from 0.8 m and 2 rad to 0.2 m and 0.5 rad within the iterations of `fast`",
+        "episodes end at 0.8 m or 2 rad at first, and after 40 iterations at 0.2 m or 0.5 rad",
         (
             ("env.termination.max_distance", 0.2),
             ("env.termination.max_angle", 0.5),
             ("env.termination.looseness", 4.0),
-            ("env.termination.tightening_time", 48.0),
+            ("env.termination.tightening_time", 16.0),
         ),
     ),
-    Choice("falling_noise", "the noise falls to 0.1 within the iterations of `fast`", (("ppo.final_noise", 0.1),)),
-    Choice("falling_entropy", "the entropy coefficient falls to 0 likewise", (("ppo.final_entropy", 0.0),)),
+    Choice(
+        "falling_noise",
+        "the noise falls from 0.4 to 0.2 within 40 iterations",
+        (("ppo.final_noise", 0.2), ("ppo.annealing", 40)),
+    ),
+    Choice(
+        "falling_entropy",
+        "the entropy coefficient falls from 0.01 (paper) to 0 within 40 iterations",
+        (("ppo.entropy", 0.01), ("ppo.final_entropy", 0.0), ("ppo.annealing", 40)),
+    ),
     Choice("small_noise", "initial noise 0.2, instead of 0.4", (("ppo.initial_noise", 0.2),)),
     Choice("paper_noise", "initial noise 1.0 (paper)", (("ppo.initial_noise", 1.0),)),
     Choice("paper_discount", "discount 0.99 (paper), instead of 0.97", (("ppo.discount", 0.99),)),

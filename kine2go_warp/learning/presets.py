@@ -120,7 +120,7 @@ FAST = Preset(
         termination=TerminationConfig(max_distance=0.4, max_angle=1.0),
     ),
     ppo=PpoConfig(
-        iterations=120,
+        iterations=200,
         hidden_sizes=(256, 128, 64),
         normalise_observations=True,
         initial_noise=0.4,
