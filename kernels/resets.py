@@ -256,11 +256,15 @@ def reset_root(
 
 
 @wp.kernel
-def advance_counters(
-    reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64), age: wp.array(dtype=int)
-):
-    """Count one control step. Launched over [num_worlds]. ``age`` counts on from episode to episode."""
+def advance_counters(reference_step: wp.array(dtype=int), episode_length: wp.array(dtype=wp.int64)):
+    """Count one control step. Launched over [num_worlds]."""
     world = wp.tid()
     reference_step[world] = reference_step[world] + 1
     episode_length[world] = episode_length[world] + wp.int64(1)
+
+
+@wp.kernel
+def grow_older(age: wp.array(dtype=int)):
+    """Count one control step of a world's life, over all its episodes. Launched over [num_worlds]."""
+    world = wp.tid()
     age[world] = age[world] + 1

@@ -46,7 +46,7 @@ class Episodes:
         self.reference_step = wp.zeros(self.num_worlds, dtype=int)
         self.length = wp.zeros(self.num_worlds, dtype=wp.int64)
         self.age = wp.zeros(self.num_worlds, dtype=int)
-        """Control steps that a world has seen, over all its episodes."""
+        """Control steps that a world has seen over all its episodes, counted only if limits tighten with them."""
         self.done = wp.zeros(self.num_worlds, dtype=wp.int64)
         self.time_out = wp.zeros(self.num_worlds, dtype=wp.bool)
         self.reason = wp.zeros(self.num_worlds, dtype=int)
@@ -70,7 +70,9 @@ class Episodes:
 
     def advance(self) -> None:
         """Count one control step."""
-        wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length, self.age])
+        wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
+        if self.config.termination.tightens:
+            wp.launch(resets.grow_older, dim=self.num_worlds, inputs=[self.age])
 
     def learn_from_failures(self) -> None:
         """Update the weights of the places where episodes begin. Launched when it is known which worlds are done."""
