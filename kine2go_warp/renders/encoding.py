@@ -1,4 +1,4 @@
-"""Pictures into a film: MP4 through FFmpeg's libraries, GIF through Pillow."""
+"""Pictures into a video: MP4 through FFmpeg's libraries, GIF through Pillow."""
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -20,13 +20,13 @@ GIF_COLOURS = 128
 
 
 def check_ending(path: Path) -> None:
-    """Check that a film can be written under this name.
+    """Check that a video can be written under this name.
 
     Raises:
         RenderError: the ending is unknown.
     """
     if path.suffix.lower() not in ENDINGS:
-        raise RenderError(f"{path}: films end in {' or '.join(ENDINGS)}, not '{path.suffix}'")
+        raise RenderError(f"{path}: videos end in {' or '.join(ENDINGS)}, not '{path.suffix}'")
 
 
 def possible_rate(path: Path, rate: float) -> float:
@@ -37,7 +37,7 @@ def possible_rate(path: Path, rate: float) -> float:
 
 
 def write_video(pictures: Iterable[Picture], path: Path, rate: float) -> None:
-    """Write a film; pictures are taken one at a time.
+    """Write a video; pictures are taken one at a time.
 
     Args:
         pictures: At least one, each of shape [height, width, 3].

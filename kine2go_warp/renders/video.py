@@ -1,4 +1,4 @@
-"""From trajectories of a dataset to the pictures of a film."""
+"""From trajectories of a dataset to the pictures of a video."""
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -14,11 +14,10 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.renders.artist import Artist, Picture
 from kine2go_warp.renders.camera import FollowCamera
 from kine2go_warp.renders.captions import caption
-from kine2go_warp.renders.order import Order, Pose
-from kine2go_warp.renders.video import check_ending, possible_rate, write_video
+from kine2go_warp.renders.encoding import check_ending, possible_rate, write_video
+from kine2go_warp.renders.process import Picture, Pose, RenderProcess, RenderRequest
 
 POSE_ARRAYS = ("root_position", "root_orientation", "joint_position")
 SHOWN_ARRAYS = (*POSE_ARRAYS, *(f"reference_{name}" for name in POSE_ARRAYS))
@@ -32,14 +31,14 @@ SMALLEST_TILE = 48
 
 @dataclass(frozen=True)
 class RenderConfig:
-    """How a film looks."""
+    """How a video looks."""
 
     width: int = 640
     """Of the whole picture [pixels]."""
     height: int = 480
     """Of the whole picture [pixels]."""
     fps: float = 30.0
-    """Pictures a second [Hz]; films run at the speed of the robot."""
+    """Pictures a second [Hz]; videos run at the speed of the robot."""
     start: float = 0.0
     """From the first row [s]."""
     end: float | None = None
@@ -56,13 +55,13 @@ class RenderConfig:
         if not 1.0 <= self.fps <= 240.0:
             raise RenderError(f"fps must be between 1 and 240, not {self.fps:g}")
         if not 0.0 <= self.start < math.inf or (self.end is not None and not self.start < self.end):
-            raise RenderError(f"a film must begin at 0 s or later and end after that, not {self.start:g} to {self.end}")
+            raise RenderError(f"a video begins at 0 s or later and ends after that, not {self.start:g} to {self.end}")
         if self.columns is not None and self.columns < 1:
             raise RenderError(f"a grid needs at least one column, not {self.columns}")
 
 
 @dataclass(frozen=True)
-class Take:
+class RenderedTrajectory:
     """One trajectory, ready to be drawn."""
 
     motion: str
@@ -83,12 +82,12 @@ class Take:
         """Return the robot's pose, or the reference's with the prefix ``reference_``."""
         return Pose(*(self.rows[prefix + name][row] for name in POSE_ARRAYS))
 
-    def order(self, row: int, reference: bool = True) -> Order:
+    def request(self, row: int, reference: bool = True) -> RenderRequest:
         """Return the picture of a row."""
-        return Order(self.pose(row), self.pose(row, "reference_"), self.camera.view(row), reference, self.level)
+        return RenderRequest(self.pose(row), self.pose(row, "reference_"), self.camera.view(row), reference, self.level)
 
 
-def read_takes(motion: Motion, indices: Sequence[int]) -> list[Take]:
+def read_trajectories(motion: Motion, indices: Sequence[int]) -> list[RenderedTrajectory]:
     """Read trajectories of a motion, in the order of ``indices``.
 
     Raises:
@@ -103,7 +102,7 @@ def read_takes(motion: Motion, indices: Sequence[int]) -> list[Take]:
             known = f"trajectories 0 to {last}" if references else "no trajectories"
             raise RenderError(f"{where}: no trajectory {index}; it has {known}")
     wanted = [references[index] for index in sorted(set(indices))]
-    takes = {}
+    trajectories = {}
     for one in motion.read(wanted, SHOWN_ARRAYS):
         if one.length < 1:
             raise RenderError(f"{where}: trajectory {one.index} is empty")
@@ -113,8 +112,10 @@ def read_takes(motion: Motion, indices: Sequence[int]) -> list[Take]:
         time = motion.time[: one.length]
         rate = 1.0 / float(time[1] - time[0]) if len(time) > 1 else 60.0
         camera = FollowCamera.of(one.arrays["root_position"], one.arrays["root_orientation"], rate)
-        takes[one.index] = Take(motion.name, one.index, one.arrays, time - time[0], camera, is_level(motion.attributes))
-    return [takes[index] for index in indices]
+        trajectories[one.index] = RenderedTrajectory(
+            motion.name, one.index, one.arrays, time - time[0], camera, is_level(motion.attributes)
+        )
+    return [trajectories[index] for index in indices]
 
 
 def is_level(attributes: dict[str, Any]) -> bool:
@@ -126,7 +127,7 @@ def is_level(attributes: dict[str, Any]) -> bool:
 
 
 @dataclass(frozen=True)
-class FilmRecord:
+class VideoRecord:
     """What was written."""
 
     pictures: int
@@ -134,7 +135,7 @@ class FilmRecord:
     """[Hz]; may differ from what was asked for in a GIF."""
 
 
-def render_film(
+def render_video(
     dataset: Path,
     motion: str,
     trajectories: Sequence[int],
@@ -142,8 +143,8 @@ def render_film(
     config: RenderConfig,
     advanced: Callable[[int, int], None] | None = None,
     overwrite: bool = False,
-) -> FilmRecord:
-    """Write a film of one trajectory, or of several side by side.
+) -> VideoRecord:
+    """Write a video of one trajectory, or of several side by side.
 
     Args:
         dataset: Folder of the dataset.
@@ -160,10 +161,10 @@ def render_film(
     """
     check_ending(path)
     check_output(path, overwrite)
-    takes = read_takes(open_dataset(dataset).motion(motion), trajectories)
+    shown = read_trajectories(open_dataset(dataset).motion(motion), trajectories)
     fps = possible_rate(path, config.fps)
-    instants = film_instants(takes, config, fps)
-    tile_sizes(len(takes), config)
+    instants = video_instants(shown, config, fps)
+    tile_sizes(len(shown), config)
 
     def counted(pictures: Iterator[Picture]) -> Iterator[Picture]:
         for number, picture in enumerate(pictures):
@@ -172,9 +173,9 @@ def render_film(
                 advanced(number + 1, len(instants))
 
     # Closed at once when something fails, so that the process that draws ends, too.
-    with atomic_file(path) as temporary, closing(film_pictures(takes, instants, config)) as pictures:
+    with atomic_file(path) as temporary, closing(video_pictures(shown, instants, config)) as pictures:
         write_video(counted(pictures), temporary, fps)
-    return FilmRecord(len(instants), fps)
+    return VideoRecord(len(instants), fps)
 
 
 def check_output(path: Path, overwrite: bool) -> None:
@@ -191,15 +192,15 @@ def check_output(path: Path, overwrite: bool) -> None:
         raise RenderError(f"{path}: exists; choose another name, or replace it with --overwrite")
 
 
-def film_instants(takes: Sequence[Take], config: RenderConfig, fps: float) -> NDArray[np.float64]:
+def video_instants(trajectories: Sequence[RenderedTrajectory], config: RenderConfig, fps: float) -> NDArray[np.float64]:
     """Return the instants that are shown, from the first row [s].
 
     Raises:
-        RenderError: the trajectories end before the film begins.
+        RenderError: the trajectories end before the video begins.
     """
-    longest = max(float(take.time[-1]) for take in takes)
+    longest = max(float(trajectory.time[-1]) for trajectory in trajectories)
     if config.start > longest:
-        raise RenderError(f"the film begins at {config.start:g} s, and the trajectories end at {longest:.3g} s")
+        raise RenderError(f"the video begins at {config.start:g} s, and the trajectories end at {longest:.3g} s")
     end = longest if config.end is None else min(config.end, longest)
     return config.start + np.arange(math.floor((end - config.start) * fps + 1e-6) + 1) / fps
 
@@ -220,24 +221,27 @@ def tile_sizes(count: int, config: RenderConfig) -> tuple[int, int, int]:
     return columns, width, height
 
 
-def film_pictures(
-    takes: Sequence[Take], instants: NDArray[np.float64], config: RenderConfig
+def video_pictures(
+    trajectories: Sequence[RenderedTrajectory], instants: NDArray[np.float64], config: RenderConfig
 ) -> Generator[Picture, None, None]:
-    """Draw the pictures of a film, each of shape [height, width, 3]."""
-    columns, width, height = tile_sizes(len(takes), config)
-    with Artist(width, height) as artist:
+    """Draw the pictures of a video, each of shape [height, width, 3]."""
+    columns, width, height = tile_sizes(len(trajectories), config)
+    with RenderProcess(width, height) as renderer:
         for instant in instants:
             picture = np.full((config.height, config.width, 3), 235, np.uint8)
-            for place, take in enumerate(takes):
-                row = take.row_at(float(instant))
-                tile = caption(artist.draw(take.order(row, config.reference)), captions_of(take, row, float(instant)))
+            for place, trajectory in enumerate(trajectories):
+                row = trajectory.row_at(float(instant))
+                tile = caption(
+                    renderer.draw(trajectory.request(row, config.reference)),
+                    captions_of(trajectory, row, float(instant)),
+                )
                 top, left = place // columns * height, place % columns * width
                 picture[top : top + height, left : left + width] = tile
             yield picture
 
 
-def captions_of(take: Take, row: int, instant: float) -> tuple[str, str]:
+def captions_of(trajectory: RenderedTrajectory, row: int, instant: float) -> tuple[str, str]:
     """Return what is written into a picture: whose it is, and which row."""
-    ended = "  (ended)" if instant > take.time[-1] + 1e-6 else ""
-    ground = "" if take.level else "  (ground not drawn)"
-    return f"{take.motion}  #{take.index}{ground}", f"row {row}  {take.time[row]:.3f} s{ended}"
+    ended = "  (ended)" if instant > trajectory.time[-1] + 1e-6 else ""
+    ground = "" if trajectory.level else "  (ground not drawn)"
+    return f"{trajectory.motion}  #{trajectory.index}{ground}", f"row {row}  {trajectory.time[row]:.3f} s{ended}"
