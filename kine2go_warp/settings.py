@@ -291,9 +291,8 @@ def _is_named(kind: Any) -> bool:
 
 def _is_complete(kind: Any, values: Any) -> bool:
     """Return whether values hold all that a new record of a class needs besides its name."""
-    return isinstance(values, dict) and all(
-        _has_default(one) or one.name in values for one in fields(kind) if one.name != "name"
-    )
+    needed = {one.name for one in fields(kind) if not _has_default(one)} - {"name"}
+    return isinstance(values, dict) and needed <= set(values)
 
 
 def _has_default(field: Any) -> bool:
