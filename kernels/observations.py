@@ -3,7 +3,6 @@
 import warp as wp
 
 from kine2go_warp.kernels.actuation import MotorModel
-from kine2go_warp.kernels.randomization import BaseBody
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, interpolate_joint, reference_root
 from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
 from kine2go_warp.kernels.state import (
@@ -16,13 +15,12 @@ from kine2go_warp.kernels.state import (
     root_position,
 )
 from kine2go_warp.kernels.terrain import ground_height
+from kine2go_warp.kernels.world import BaseBody
 
 wp.set_module_options({"enable_backward": False})
 
 STATE_SIZE = wp.constant(45)
 """Values of one state: see ``write_state``."""
-LAST_OUTPUT = 33
-"""Where in a state the last output of the policy begins."""
 TARGET_SIZE = wp.constant(21)
 """Values of one future reference: see ``observe_targets``."""
 PRIVILEGED_SIZE = wp.constant(73)
@@ -47,14 +45,14 @@ def shift_history(observation: wp.array2d(dtype=float), history_length: int):
 @wp.kernel
 def observe_state(
     robot: RobotState,
-    last_output: wp.array2d(dtype=float),
+    last_action: wp.array2d(dtype=float),
     default_position: wp.array(dtype=float),
     observation: wp.array2d(dtype=float),
 ):
     """Write the robot's present state to the first 45 places of the observation.
 
     Down direction (3) [-], linear velocity of the base origin (3) [m/s] and angular velocity (3) [rad/s], all in the
-    base frame; joint positions less the default pose (12) [rad]; joint velocities (12) [rad/s]; the last output of the
+    base frame; joint positions less the default pose (12) [rad]; joint velocities (12) [rad/s]; the last action of the
     policy (12) [-].
     """
     world = wp.tid()
@@ -65,7 +63,7 @@ def observe_state(
     for joint in range(12):
         observation[world, 9 + joint] = joint_position(robot, world, joint) - default_position[joint]
         observation[world, 21 + joint] = joint_velocity(robot, world, joint)
-        observation[world, 33 + joint] = last_output[world, joint]
+        observation[world, 33 + joint] = last_action[world, joint]
 
 
 @wp.kernel
@@ -112,11 +110,12 @@ def observe_targets(
 
 
 @wp.kernel
-def clear_outputs(done: wp.array(dtype=wp.int64), output: wp.array2d(dtype=float)):
-    """Forget the last output of the policy in worlds that begin an episode. Launched over [num_worlds, 12]."""
+def remember_actions(
+    done: wp.array(dtype=wp.int64), action: wp.array2d(dtype=float), last_action: wp.array2d(dtype=float)
+):
+    """Keep the actions for the next step, zeros in worlds that begin an episode. Launched over [num_worlds, 12]."""
     world, joint = wp.tid()
-    if done[world] != wp.int64(0):
-        output[world, joint] = 0.0
+    last_action[world, joint] = wp.where(done[world] == wp.int64(0), action[world, joint], 0.0)
 
 
 @wp.kernel

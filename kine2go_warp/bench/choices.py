@@ -6,6 +6,7 @@ Nothing heavy is imported here: the command line reads it.
 from dataclasses import dataclass, replace
 from typing import Any
 
+from kine2go_warp.env.terms.base import with_term
 from kine2go_warp.learning.presets import FAST, Preset
 
 
@@ -69,7 +70,7 @@ CHOICES = (
     Choice(
         "action_rate",
         "the squared change of the outputs costs 0.02 (times 1/60) of the reward",
-        (("env.reward.action_rate", 0.02),),
+        (("env.rewards.action_rate.weight", -0.02),),
     ),
     Choice(
         "tightening",
@@ -77,8 +78,8 @@ CHOICES = (
         (
             ("env.termination.max_distance", 0.2),
             ("env.termination.max_angle", 0.5),
-            ("env.termination.looseness", 4.0),
-            ("env.termination.tightening_time", 16.0),
+            ("env.termination.initial_limit_scale", 4.0),
+            ("env.termination.limit_anneal_time", 16.0),
         ),
     ),
     Choice(
@@ -114,8 +115,10 @@ CHOICES = (
 
 
 def with_value(settings: Any, path: str, value: Any) -> Any:
-    """Return settings with the value at a path of field names, ``a.b.c``, replaced."""
+    """Return settings with the value at a path of field names, ``a.b.c``, replaced; a term is found by its name."""
     name, _, rest = path.partition(".")
+    if isinstance(settings, tuple):
+        return with_term(settings, name, **{rest: value})
     return replace(settings, **{name: with_value(getattr(settings, name), rest, value) if rest else value})
 
 

@@ -1,14 +1,12 @@
 """What a dataset holds: every array with its dimensions, unit and meaning."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from kine2go_warp.robots import RobotSpec
 
-FORMAT_VERSION = "0.2"
-
-# Names and maxima of kernels.rewards, said again so that readers of a dataset need no Warp.
-REWARD_TERMS = ("joint_position", "joint_velocity", "foot_position", "root_pose", "root_velocity")
-MAXIMUM_REWARDS = (1.0, 1.0, 1.0, 2.0, 2.0)
+FORMAT_VERSION = "0.3"
 
 FRAMES_NOTE = (
     "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "
@@ -53,7 +51,7 @@ ROW_ARRAYS = (
     ArraySpec("reference_root_orientation", (*_FRAME, "quaternion"), "1", "reference at the row's instant, wxyz"),
     ArraySpec("reference_joint_position", (*_FRAME, "joint"), "rad", "reference at the row's instant"),
     ArraySpec("reference_foot_position", (*_FRAME, "foot", "axis"), "m", "reference at the row's instant, world"),
-    ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms of the tracking reward"),
+    ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms, which add up to the reward"),
 )
 """Arrays with one entry a row, padded with NaN where a trajectory is shorter."""
 
@@ -132,7 +130,47 @@ REASON = ArraySpec(
 )
 
 
-def coordinates(spec: RobotSpec) -> dict[str, tuple[str, ...]]:
+@dataclass(frozen=True)
+class RewardSettings:
+    """A reward term as the settings of a motion's training describe it."""
+
+    name: str
+    kernel: str
+    weight: float
+    """Before the division by the control rate."""
+    maximum: float | None
+    """Largest value before the weight, where it is known."""
+    params: Mapping[str, float]
+
+
+def reward_settings(attributes: Mapping[str, Any]) -> tuple[RewardSettings, ...]:
+    """Return the reward terms that a motion's attributes describe, in the order of the array ``reward``.
+
+    None are returned where the attributes are incomplete or damaged.
+    """
+    try:
+        described = [
+            RewardSettings(
+                str(term["name"]),
+                str(term["kernel"]),
+                float(term["weight"]),
+                None if term["maximum"] is None else float(term["maximum"]),
+                {str(name): float(value) for name, value in term["params"]},
+            )
+            for term in attributes["training_settings"]["env"]["rewards"]
+        ]
+    except (KeyError, TypeError, ValueError):
+        return ()
+    return tuple(term for term in described if term.weight != 0.0)
+
+
+def reward_labels(attributes: Mapping[str, Any], count: int) -> tuple[str, ...]:
+    """Return the names of a motion's reward terms, numbered ones where its attributes do not name as many."""
+    names = tuple(term.name for term in reward_settings(attributes))
+    return names if len(names) == count else tuple(f"term_{index}" for index in range(count))
+
+
+def coordinates(spec: RobotSpec, reward_terms: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the labels along each labelled dimension."""
     return {
         "axis": ("x", "y", "z"),
@@ -140,5 +178,5 @@ def coordinates(spec: RobotSpec) -> dict[str, tuple[str, ...]]:
         "joint": spec.joint_names,
         "link": spec.link_names,
         "foot": tuple(name.removesuffix("_foot") for name in spec.foot_links),
-        "term": REWARD_TERMS,
+        "term": tuple(reward_terms),
     }

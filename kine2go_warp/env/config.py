@@ -7,6 +7,8 @@ begins at its reference here.
 from dataclasses import dataclass, field
 from typing import Literal
 
+from kine2go_warp.env.terms.base import check_names
+from kine2go_warp.env.terms.rewards import REWARDS, RewardTerm
 from kine2go_warp.errors import Kine2GoError
 
 
@@ -37,25 +39,6 @@ class MotorConfig:
 
 
 @dataclass(frozen=True)
-class RewardConfig:
-    """Weights of the tracking terms; each is divided by the control rate, which gives the paper's scales."""
-
-    joint_position: float = 0.5
-    joint_velocity: float = 0.05
-    foot_position: float = 0.2
-    root_pose: float = 0.15
-    root_velocity: float = 0.1
-    action_rate: float = 0.0
-    """Penalty on the squared change of the outputs from one step to the next, summed over joints; not a tracking term,
-    so it is part of the total alone."""
-
-    @property
-    def weights(self) -> tuple[float, ...]:
-        """Weights in the order of ``REWARD_TERMS``."""
-        return (self.joint_position, self.joint_velocity, self.foot_position, self.root_pose, self.root_velocity)
-
-
-@dataclass(frozen=True)
 class ResetConfig:
     """How the initial state is drawn: half widths of uniform perturbations about the reference."""
 
@@ -81,22 +64,22 @@ class TerminationConfig:
     """Root from its reference [m]."""
     max_angle: float = 1.5708
     """Root orientation from its reference [rad]."""
-    looseness: float = 1.0
+    initial_limit_scale: float = 1.0
     """Both limits when training begins, as multiples of the values above."""
-    tightening_time: float = 0.0
+    limit_anneal_time: float = 0.0
     """Simulated time of each world within which they fall to those values [s]."""
 
     def __post_init__(self) -> None:
-        if self.looseness < 1.0 or self.tightening_time < 0.0:
+        if self.initial_limit_scale < 1.0 or self.limit_anneal_time < 0.0:
             raise Kine2GoError(
-                f"looseness is {self.looseness:g} and tightening_time {self.tightening_time:g}; "
-                "they must be at least 1 and 0"
+                f"initial_limit_scale is {self.initial_limit_scale:g} and limit_anneal_time is "
+                f"{self.limit_anneal_time:g}; they must be at least 1 and 0"
             )
 
     @property
-    def tightens(self) -> bool:
+    def anneals_limits(self) -> bool:
         """Whether the limits change at all."""
-        return self.looseness > 1.0
+        return self.initial_limit_scale > 1.0
 
 
 Range = tuple[float, ...]
@@ -233,7 +216,8 @@ class EnvConfig:
     """Future control steps whose reference is observed."""
     action: ActionConfig = field(default_factory=ActionConfig)
     motor: MotorConfig = field(default_factory=MotorConfig)
-    reward: RewardConfig = field(default_factory=RewardConfig)
+    rewards: tuple[RewardTerm, ...] = REWARDS
+    """Terms that add up to the reward."""
     reset: ResetConfig = field(default_factory=ResetConfig)
     termination: TerminationConfig = field(default_factory=TerminationConfig)
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
@@ -249,6 +233,28 @@ class EnvConfig:
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
             raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
+        check_names(self.rewards, "reward")
+
+    @property
+    def active_rewards(self) -> tuple[RewardTerm, ...]:
+        """The reward terms that count, in the order in which they are added up."""
+        return tuple(term for term in self.rewards if term.weight != 0.0)
+
+    @property
+    def reward_names(self) -> tuple[str, ...]:
+        """Names of the reward terms that count."""
+        return tuple(term.name for term in self.active_rewards)
+
+    @property
+    def largest_reward(self) -> float | None:
+        """Largest reward of a control step, None where the maximum of a term is not known."""
+        maxima = [0.0 if term.weight < 0.0 else term.maximum for term in self.active_rewards]
+        if any(maximum is None for maximum in maxima):
+            return None
+        weights = (term.weight for term in self.active_rewards)
+        return (
+            sum(weight * (maximum or 0.0) for weight, maximum in zip(weights, maxima, strict=True)) / self.control_rate
+        )
 
     @property
     def control_duration(self) -> float:
@@ -266,9 +272,9 @@ class EnvConfig:
         return round(self.episode_time * self.control_rate)
 
     @property
-    def tightening_steps(self) -> int:
-        """Control steps within which the limits of failure tighten."""
-        return round(self.termination.tightening_time * self.control_rate)
+    def limit_anneal_steps(self) -> int:
+        """Control steps within which the limits of failure fall to their values."""
+        return round(self.termination.limit_anneal_time * self.control_rate)
 
     @property
     def max_contacts(self) -> int:

@@ -45,8 +45,8 @@ class Episodes:
         self.episode = wp.zeros(self.num_worlds, dtype=int)
         self.reference_step = wp.zeros(self.num_worlds, dtype=int)
         self.length = wp.zeros(self.num_worlds, dtype=wp.int64)
-        self.age = wp.zeros(self.num_worlds, dtype=int)
-        """Control steps that a world has seen over all its episodes, counted only if limits tighten with them."""
+        self.world_steps = wp.zeros(self.num_worlds, dtype=int)
+        """Control steps of each world over all its episodes, counted only where limits are annealed."""
         self.done = wp.zeros(self.num_worlds, dtype=wp.int64)
         self.time_out = wp.zeros(self.num_worlds, dtype=wp.bool)
         self.reason = wp.zeros(self.num_worlds, dtype=int)
@@ -62,7 +62,7 @@ class Episodes:
         """Forget everything that has happened, and end all episodes."""
         first_world = self.first_world if first_world is None else first_world
         self.seed.assign(world_seeds(seed, self.num_worlds, first_world))
-        counters = (self.episode, self.reference_step, self.length, self.age, self.reason_count)
+        counters = (self.episode, self.reference_step, self.length, self.world_steps, self.reason_count)
         for counter in (*counters, self.time_out, self.reason):
             counter.zero_()
         forget_failures(self.phase_table)
@@ -71,8 +71,8 @@ class Episodes:
     def advance(self) -> None:
         """Count one control step."""
         wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
-        if self.config.termination.tightens:
-            wp.launch(resets.grow_older, dim=self.num_worlds, inputs=[self.age])
+        if self.config.termination.anneals_limits:
+            wp.launch(resets.count_world_steps, dim=self.num_worlds, inputs=[self.world_steps])
 
     def learn_from_failures(self) -> None:
         """Update the weights of the places where episodes begin. Launched when it is known which worlds are done."""

@@ -7,8 +7,7 @@ from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.kernels import actuation
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.reference import Placement, ReferenceClips
-
-NUM_JOINTS = 12
+from kine2go_warp.kernels.state import NUM_JOINTS
 
 
 class Motors:

@@ -22,7 +22,7 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "joint_qd": environment.robot.joint_qd,
         "warm_start": simulation.warm_start,
         "target_queue": motors.target_queue,
-        "last_output": environment.output,
+        "last_action": environment.last_action,
         "stiffness": motors.model.stiffness,
         "damping": motors.model.damping,
         "strength": motors.model.strength,
@@ -110,10 +110,12 @@ class WorldSnapshot:
 def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
     """Return what else training needs to go on, by name; the first axis of each is the world.
 
-    It is what policy and critic see, with its history, and the age that tightens the limits of failure, if it does.
+    It is what policy and critic see, with its history, and each world's steps where limits of failure are annealed.
     """
     arrays = {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
-    return arrays | ({"age": environment.episodes.age} if environment.config.termination.tightens else {})
+    return arrays | (
+        {"world_steps": environment.episodes.world_steps} if environment.config.termination.anneals_limits else {}
+    )
 
 
 def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:

@@ -91,7 +91,7 @@ def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_
             expected_targets.append(controller.joint_target(outputs[world]))
             controller.last_output = outputs[world]
             controller.step += 1
-        environment.output.assign(outputs)
+        environment.action.assign(outputs)
         environment.step()
         np.testing.assert_allclose(environment.motors.joint_target.numpy(), expected_targets, atol=1e-5)
         for world in np.flatnonzero(environment.episodes.done.numpy()):

@@ -46,7 +46,7 @@ def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(pol
         if row >= NOW:
             seen = observe({name: values[:, row - NOW : row - NOW + WINDOW] for name, values in rows.items()})
             np.testing.assert_allclose(seen, environment.observation.numpy(), atol=1e-4, err_msg=f"row {row}")
-        environment.output.assign(rows["action"][:, row].numpy())
+        environment.action.assign(rows["action"][:, row].numpy())
         environment.step()
 
 

@@ -6,7 +6,7 @@ from kine2go_warp.env.clips import make_placement, upload_clips
 from kine2go_warp.env.observations import privileged_layout
 from kine2go_warp.kernels import observations
 from kine2go_warp.kernels.actuation import MotorModel
-from kine2go_warp.kernels.randomization import BaseBody
+from kine2go_warp.kernels.world import BaseBody
 from kine2go_warp.robots import GO2
 from tests.kernels.oracle import States, random_states, reference_at, upload_robot
 

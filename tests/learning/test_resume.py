@@ -30,7 +30,7 @@ def everything_changes(monkeypatch):
     env = replace(
         ROBUST.env,
         randomization=replace(ROBUST.env.randomization, push_interval=(0.2, 0.6)),
-        termination=replace(ROBUST.env.termination, looseness=2.0, tightening_time=1.2),
+        termination=replace(ROBUST.env.termination, initial_limit_scale=2.0, limit_anneal_time=1.2),
     )
     ppo = replace(ROBUST.ppo, final_noise=0.2, final_entropy=0.0, annealing=3)
     monkeypatch.setitem(PRESETS, "robust", Preset(env, ppo))

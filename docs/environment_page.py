@@ -1,6 +1,6 @@
 """The tables of docs/environment.md, written from the code that they describe.
 
-``uv run python -m kine2go_warp.env.documentation`` prints the page.
+``uv run python docs/environment_page.py`` prints the page.
 """
 
 from collections.abc import Sequence
@@ -9,24 +9,14 @@ from dataclasses import fields
 from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerrainConfig
 from kine2go_warp.env.observations import observation_layout, observation_size, privileged_layout
 from kine2go_warp.env.randomization import DRAWN_QUANTITIES
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS, REWARD_TERMS
 from kine2go_warp.kernels.terminations import REASON_DESCRIPTIONS, REASON_NAMES
-
-REWARD_FORMULAS = (
-    "exp(-5 Σ (q - q̂)²) over 12 joints [rad]",
-    "exp(-0.1 Σ (q̇ - q̇̂)²) over 12 joints [rad/s]",
-    "exp(-40 Σ \\|p - p̂\\|²) over 4 feet relative to the root, each in its own heading frame [m]",
-    "exp(-20 \\|p - p̂\\|²) + exp(-10 θ²), root position [m] and angle of the rotation between the two roots [rad]",
-    "exp(-2 \\|v - v̂\\|²) + exp(-0.2 \\|ω - ω̂\\|²), root velocities in the world frame [m/s, rad/s]",
-)
-"""The terms in the order of ``REWARD_TERMS`` (paper, appendix, "Reward structure"); a hat marks the reference."""
 
 FACTORS = ("stiffness", "damping", "strength")
 """What is drawn as a factor on its nominal value."""
 
 INTRODUCTION = """# The environment
 
-Written by `uv run python -m kine2go_warp.env.documentation > docs/environment.md`; a test compares.
+Written by `uv run python docs/environment_page.py > docs/environment.md`; a test compares.
 
 One control step ({control_rate:.0f} Hz) is {substeps} physics steps. Within one captured graph: the output becomes
 joint targets, pushes, the substeps with the motors' PD law and latency, contacts, reference, rewards, ends of episodes,
@@ -78,16 +68,16 @@ With `privileged` the critic also sees:
 
 def reward_section(config: EnvConfig) -> str:
     """Return the reward terms."""
-    scaled = [weight / config.control_rate for weight in config.reward.weights]
-    rows = [
-        (f"`{name}`", weight, f"{scale:.6f}", f"{scale * maximum:.6f}", formula)
-        for name, weight, scale, maximum, formula in zip(
-            REWARD_TERMS, config.reward.weights, scaled, MAXIMUM_REWARDS, REWARD_FORMULAS, strict=True
-        )
-    ]
+    rows = []
+    for term in config.rewards:
+        scale = term.weight / config.control_rate
+        most = "" if term.maximum is None else f"{scale * term.maximum:.6f}"
+        rows.append((f"`{term.name}`", term.weight, f"{scale:.6f}", most, term.formula_text))
     return f"""## Reward
 
-Weights are the paper's; each is divided by the control rate. A state that is not finite earns nothing.
+The reward is the sum of the terms below, those of weight 0 left out. Weights are the paper's; each is divided by the
+control rate. A state that is not finite earns nothing. Each term is one kernel of `kernels/rewards.py`, named with its
+weight and its parameters in `kine2go_warp/env/terms/rewards.py`.
 
 {table(("term", "weight", "per step", "at most", "formula before the weight"), rows)}"""
 
