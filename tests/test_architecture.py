@@ -9,7 +9,18 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "interruption", "machine", "revision", "objects"}
+LEAVES = {
+    "kine2go_warp",
+    "errors",
+    "files",
+    "settings",
+    "device",
+    "interruption",
+    "machine",
+    "revision",
+    "objects",
+    "quantities",
+}
 
 ALLOWED = {
     "kernels": {"kernels"},

@@ -151,15 +151,15 @@ def reward_settings(attributes: Mapping[str, Any]) -> tuple[RewardSettings, ...]
     try:
         described = [
             RewardSettings(
-                str(term["name"]),
+                name,
                 str(term["kernel"]),
                 float(term["weight"]),
                 None if term["maximum"] is None else float(term["maximum"]),
-                {str(name): float(value) for name, value in term["params"]},
+                {param: float(value) for param, value in dict(term["params"]).items()},
             )
-            for term in attributes["training_settings"]["env"]["rewards"]
+            for name, term in attributes["training_settings"]["env"]["rewards"].items()
         ]
-    except (KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, TypeError, ValueError):
         return ()
     return tuple(term for term in described if term.weight != 0.0)
 

@@ -78,14 +78,14 @@ class PolicyController:
         """Begin an episode; see ``PlacedClip.place``."""
         self.reference.place(phase, ground, turn)
         self.observer.begin()
-        self.last_output = np.zeros(len(self.metadata.joint_names), np.float32)
+        self.last_action = np.zeros(len(self.metadata.joint_names), np.float32)
         self.step = 0
 
     def act(self, state: MeasuredState) -> NDArray[np.float64]:
         """Return the joint targets that follow from what is measured now [rad], shape [12]."""
-        observation = self.observer.observe(state, self.last_output, self.step)
-        self.last_output = self.policy.infer(observation[None])[0]
-        target = self.joint_target(self.last_output)
+        observation = self.observer.observe(state, self.last_action, self.step)
+        self.last_action = self.policy.infer(observation[None])[0]
+        target = self.joint_target(self.last_action)
         self.step += 1
         return target
 

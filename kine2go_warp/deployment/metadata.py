@@ -8,7 +8,7 @@ from typing import Literal
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 METADATA_KEY = "kine2go_policy"
 """Under this key the metadata lie in the ONNX model, as JSON text."""
@@ -28,7 +28,7 @@ ACTION_MEANINGS = {
 
 HISTORY_RULE = (
     "NAME[t-k] is what NAME[t] was k control steps ago; at the beginning of an episode all ages hold the first state, "
-    "and last_output is zero. NAME[t+k] is the reference k control steps from now. last_output is the network's own "
+    "and last_action is zero. NAME[t+k] is the reference k control steps from now. last_action is the network's own "
     "output, before scale and clip."
 )
 TORQUE_RULE = (

@@ -8,6 +8,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kine2go_warp.env.terms.base import check_names
+from kine2go_warp.env.terms.observations import (
+    OBSERVATIONS,
+    PRIVILEGED_OBSERVATIONS,
+    REFERENCE_OBSERVATIONS,
+    ObservationTerm,
+)
 from kine2go_warp.env.terms.rewards import REWARDS, RewardTerm
 from kine2go_warp.errors import Kine2GoError
 
@@ -222,6 +228,12 @@ class EnvConfig:
     motor: MotorConfig = field(default_factory=MotorConfig)
     rewards: tuple[RewardTerm, ...] = REWARDS
     """Terms that add up to the reward."""
+    observations: tuple[ObservationTerm, ...] = OBSERVATIONS
+    """What the policy sees of the robot, at ``history_length`` control steps."""
+    reference_observations: tuple[ObservationTerm, ...] = REFERENCE_OBSERVATIONS
+    """What it sees of the reference, at each of ``steps_ahead``."""
+    privileged_observations: tuple[ObservationTerm, ...] = PRIVILEGED_OBSERVATIONS
+    """What only the critic sees, with ``privileged``."""
     reset: ResetConfig = field(default_factory=ResetConfig)
     termination: TerminationConfig = field(default_factory=TerminationConfig)
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
@@ -237,7 +249,13 @@ class EnvConfig:
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
             raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
+        if any(ahead < 1 for ahead in self.steps_ahead):
+            raise Kine2GoError(f"steps_ahead is {list(self.steps_ahead)}; each must be at least 1")
         check_names(self.rewards, "reward")
+        check_names((*self.observations, *self.reference_observations), "observation")
+        check_names(self.privileged_observations, "privileged observation")
+        if not any(term.enabled for term in self.observations):
+            raise Kine2GoError("observations are all switched off; a policy must see something of the robot")
 
     @property
     def active_rewards(self) -> tuple[RewardTerm, ...]:

@@ -10,12 +10,17 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.episodes import Episodes, EpisodeStarts
 from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.env.motors import Motors
-from kine2go_warp.env.observations import observation_size
+from kine2go_warp.env.observations import (
+    observation_size,
+    place_privileged,
+    place_terms,
+    privileged_size,
+    state_size,
+)
 from kine2go_warp.env.randomization import Randomization
 from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
 from kine2go_warp.env.terrain import build_height_field, reach_of
 from kine2go_warp.kernels import observations, resets, terminations
-from kine2go_warp.kernels.observations import PRIVILEGED_SIZE, STATE_SIZE
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.kernels.resets import ResetRanges
 from kine2go_warp.kernels.rewards import sum_rewards
@@ -63,7 +68,7 @@ class ImitationEnvironment:
             self.randomization = Randomization(config, self.simulation, self.motors, self.episodes)
             self.robot = self.simulation.robot
             self._build_buffers()
-            self.view = self._build_view()
+            self.views = {ahead: self._build_view(ahead) for ahead in (0, *config.steps_ahead)}
             self._graph: wp.Graph | None = None
             if use_graph:
                 self._capture()
@@ -112,19 +117,18 @@ class ImitationEnvironment:
         self.reward_weights = wp.array([term.weight / config.control_rate for term in self.rewards], dtype=float)
         self.reward_terms = wp.zeros((num_worlds, len(self.rewards)), dtype=float)
         self.reward = wp.zeros(num_worlds, dtype=float)
-        self.steps_ahead = wp.array(config.steps_ahead, dtype=int)
         self.observation = wp.zeros((num_worlds, observation_size(config)), dtype=float)
-        privileged_size = int(PRIVILEGED_SIZE) if config.privileged else 0
-        self.privileged_observation = wp.zeros((num_worlds, privileged_size), dtype=float)
+        self.privileged_observation = wp.zeros((num_worlds, privileged_size(config)), dtype=float)
         self.reset_ranges = ResetRanges()
         for name, value in vars(config.reset).items():
             setattr(self.reset_ranges, name, value)
 
-    def _build_view(self) -> WorldView:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
-        """Return what terms read, which shares all arrays."""
+    def _build_view(self, ahead: int) -> WorldView:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        """Return what terms read, which shares all arrays, for observations of a number of control steps from now."""
         config, episodes, simulation = self.config, self.episodes, self.simulation
         bodies = self.randomization.bodies
         view = WorldView()
+        view.ahead = ahead
         view.robot, view.reference, view.geometry = self.robot, self.reference, simulation.geometry
         view.clips, view.placement, view.motors = episodes.clips, episodes.placement, self.motors.model
         view.base, view.friction = bodies.base, bodies.friction
@@ -182,7 +186,7 @@ class ImitationEnvironment:
             inputs=[episodes.clips, episodes.placement, episodes.reference_step, self.reference],
         )
         for column, term in enumerate(self.rewards):
-            term.launch(self.view, self.reward_terms, column)
+            term.launch(self.views[0], self.reward_terms, column)
         inputs = [self.robot, self.reward_weights, self.reward_terms, self.reward]
         wp.launch(sum_rewards, dim=self.num_worlds, inputs=inputs)
         wp.launch(
@@ -247,48 +251,15 @@ class ImitationEnvironment:
 
     def _observe(self) -> None:
         """Write the observation of the present state."""
-        episodes = self.episodes
-        history, shape = self.config.history_length, (self.num_worlds, int(STATE_SIZE))
-        default_position = self.constants.default_position
-        wp.launch(observations.shift_history, dim=shape, inputs=[self.observation, history])
-        wp.launch(
-            observations.observe_state,
-            dim=self.num_worlds,
-            inputs=[self.robot, self.last_action, default_position, self.observation],
-        )
-        wp.launch(observations.fill_history, dim=shape, inputs=[episodes.done, self.observation, history])
-        wp.launch(
-            observations.observe_targets,
-            dim=(self.num_worlds, len(self.config.steps_ahead)),
-            inputs=[
-                self.robot,
-                episodes.clips,
-                episodes.placement,
-                episodes.reference_step,
-                self.steps_ahead,
-                default_position,
-                history * int(STATE_SIZE),
-                self.observation,
-            ],
-        )
-        if self.config.privileged:
-            self._observe_privileged()
-
-    def _observe_privileged(self) -> None:
-        """Write what only the critic sees."""
-        wp.launch(
-            observations.observe_privileged,
-            dim=self.num_worlds,
-            inputs=[
-                self.robot,
-                self.episodes.placement,
-                self.simulation.foot_force,
-                self.motors.model,
-                self.randomization.bodies.base,
-                self.randomization.bodies.friction,
-                self.config.motor.stiffness,
-                self.config.motor.damping,
-                self.simulation.robot_weight,
-                self.privileged_observation,
-            ],
-        )
+        config, done = self.config, self.episodes.done
+        history, size = config.history_length, state_size(config)
+        shape = (self.num_worlds, size)
+        wp.launch(observations.shift_history, dim=shape, inputs=[self.observation, history, size])
+        for placed in place_terms(config):
+            # Older states have been moved to their places.
+            if placed.offset >= 0:
+                placed.term.launch(self.views[placed.offset], self.observation, placed.start)
+        wp.launch(observations.fill_history, dim=shape, inputs=[done, self.observation, history, size])
+        if config.privileged:
+            for placed in place_privileged(config):
+                placed.term.launch(self.views[0], self.privileged_observation, placed.start)

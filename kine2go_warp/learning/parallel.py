@@ -15,10 +15,9 @@ import torch
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import FAULTS
-from kine2go_warp.env.observations import observation_size
+from kine2go_warp.env.observations import observation_size, privileged_size
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import SimulationError
-from kine2go_warp.kernels.observations import PRIVILEGED_SIZE
 from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.learning.vec_env import BufferedVecEnv, ImitationVecEnv, StepBuffers
 from kine2go_warp.motions.clip import MotionClip
@@ -218,11 +217,11 @@ class ParallelVecEnv(BufferedVecEnv):
 
 def shared_buffers(config: EnvConfig) -> StepBuffers:
     """Allocate the buffers of all worlds in memory that processes share."""
-    count, privileged_size = config.num_worlds, int(PRIVILEGED_SIZE) if config.privileged else 0
+    count = config.num_worlds
     buffers = StepBuffers(
         action=torch.zeros(count, NUM_JOINTS),
         observation=torch.zeros(count, observation_size(config)),
-        privileged=torch.zeros(count, privileged_size),
+        privileged=torch.zeros(count, privileged_size(config)),
         reward=torch.zeros(count),
         reward_terms=torch.zeros(count, len(config.reward_names)),
         done=torch.zeros(count, dtype=torch.int64),
