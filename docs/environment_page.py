@@ -81,9 +81,10 @@ PRESET = replace(
 parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or as many
 as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on. `WorldView`
 (`kernels/world.py`) is all that it can read. A term of the package or of yours is a setting by its name:
-`[train.env.rewards.foot_slip] weight = -0.2`, `[train.env.observations.last_action] enabled = false`. TensorBoard, Rerun,
-`policy.json` and the dataset's labels follow. The policy folder refers to your file by its path: keep the file where it
-is. `kine2go export-policy` writes any policy, but the package's own controller knows the package's observations alone.
+`[train.env.rewards.foot_slip] weight = -0.2`, `[train.env.observations.last_action] enabled = false`. TensorBoard,
+Rerun, `policy.json` and the dataset's labels follow. The policy folder refers to your file by its path: keep the file
+where it is. `kine2go export-policy` writes any policy, but the package's own controller knows the package's
+observations alone.
 """
 
 

@@ -9,8 +9,8 @@ DIMENSION_SIZES = {"axis": 3, "joint": len(LEG_NAMES) * len(JOINTS_OF_A_LEG), "f
 """Values along each dimension."""
 
 Mirror = Literal["scalar", "vector", "rotation", "angle"]
-"""``scalar``: as it is. ``vector``: a direction, force or velocity; y points left. ``rotation``: angular velocities, and
-the left axis of a frame. ``angle``: positions or velocities of joints; hips turn about x, so their sign changes."""
+"""``scalar``: as it is. ``vector``: a direction, force or velocity; y points left. ``rotation``: angular velocity, or
+the left axis of a frame. ``angle``: joint positions or velocities; hips turn about x, so their sign changes."""
 
 MIRRORED_SIGNS: dict[Mirror, tuple[float, ...]] = {
     "scalar": (1.0,),

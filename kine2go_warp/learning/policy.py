@@ -93,7 +93,9 @@ class PolicyFolder:
             values = json.loads(self.record_file.read_text())
             if values["format_version"] != FORMAT_VERSION:
                 raise PolicyError(
-                    f"{self.path}: policy format {values['format_version']}, expected {FORMAT_VERSION}; train it again"
+                    f"{self.path}: written by version {values['software_version']} in policy format "
+                    f"{values['format_version']}, whose settings have other names; train it again with --overwrite, "
+                    "or use the version that wrote it"
                 )
             return PolicyRecord(
                 preset=from_dictionary(Preset, values["preset"], str(self.record_file), PolicyError),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.objects import load_object, reference_to
+from kine2go_warp.settings import Named
 
 if TYPE_CHECKING:
     import warp as wp
@@ -17,10 +18,9 @@ Params = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
-class Term:
+class Term(Named):
     """One term of an environment: data alone, so that it can be saved, compared and sent to other processes."""
 
-    name: str
     kernel: str | object
     """A Warp kernel ``(view: WorldView, out: wp.array2d(dtype=float), column: int, *params: float)``, launched over
     [num_worlds], or a reference to one, ``package.module:name`` or ``file.py:name``; kept as a reference."""
