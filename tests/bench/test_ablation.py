@@ -16,7 +16,6 @@ from kine2go_warp.bench.curves import band
 from kine2go_warp.bench.trial import Figures, Trial, figures, run_trial
 from kine2go_warp.cli.main import main
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, PRESETS
 from kine2go_warp.settings import to_dictionary
 
