@@ -8,11 +8,8 @@ from dataclasses import fields
 
 from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerrainConfig
 from kine2go_warp.env.observations import observation_layout, observation_size, place_privileged
-from kine2go_warp.env.randomization import DRAWN_QUANTITIES
 from kine2go_warp.kernels.terminations import REASON_DESCRIPTIONS, REASON_NAMES
-
-FACTORS = ("stiffness", "damping", "strength")
-"""What is drawn as a factor on its nominal value."""
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 
 INTRODUCTION = """# The environment
 
@@ -199,18 +196,19 @@ the factor {sampling.memory} in a control step.
 
 def randomization_section() -> str:
     """Return what is drawn for each world."""
-    units = {quantity.name: quantity for quantity in DRAWN_QUANTITIES}
+    parameters = {parameter.name: parameter for parameter in RANDOMIZED_PARAMETERS}
     extra = {
         "push_interval": ("s", "push", "time between two pushes"),
         "push_speed": ("m/s", "push", "horizontal velocity added to the base, in a random direction"),
     }
     rows = []
     for field in fields(RandomizationConfig):
-        if field.name in units:
-            quantity = units[field.name]
-            moment = "world, at start-up" if quantity.when == "world" else "episode"
-            unit = "factor" if quantity.name in FACTORS else quantity.unit
-            rows.append((f"`{field.name}`", unit, moment, quantity.per, quantity.description))
+        if field.name in parameters:
+            parameter = parameters[field.name]
+            moment = "world, at start-up" if parameter.when == "world" else "episode"
+            unit = "factor" if parameter.is_factor else parameter.unit
+            per = parameter.dims[0] if parameter.dims else "world"
+            rows.append((f"`{field.name}`", unit, moment, per, parameter.meaning))
         else:
             unit, moment, description = extra[field.name]
             rows.append((f"`{field.name}`", unit, moment, "world", description))

@@ -29,9 +29,9 @@ CHOICES = (
     Choice(
         "default_pose",
         "joint target = default pose + output (paper), instead of a residual on the reference",
-        (("env.action.form", "default_pose"),),
+        (("env.action.mode", "default_offset"),),
     ),
-    Choice("no_feed_forward", "the reference's velocity is not fed forward", (("env.action.form", "reference_pose"),)),
+    Choice("no_feed_forward", "the reference's velocity is not fed forward", (("env.action.mode", "residual"),)),
     Choice("symmetry", "each sample also mirrored, left for right", (("ppo.symmetry", True),)),
     Choice(
         "weighted_phases",

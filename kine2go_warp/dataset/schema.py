@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS, Quantity
 from kine2go_warp.robots import RobotSpec
 
 FORMAT_VERSION = "0.3"
@@ -25,6 +26,12 @@ class ArraySpec:
     unit: str
     description: str
     dtype: str = "float32"
+
+
+def per_trajectory(quantity: Quantity) -> ArraySpec:
+    """Return the array of a quantity that has one value for each trajectory."""
+    dims = ("trajectory", *quantity.dims)
+    return ArraySpec(quantity.name, dims, quantity.unit, quantity.meaning, quantity.dtype)
 
 
 _FRAME = ("trajectory", "frame")
@@ -81,16 +88,7 @@ QUALITY_ARRAYS = (
 )
 """How good each rollout is, computed from its rows."""
 
-RANDOMIZATION_ARRAYS = (
-    ArraySpec("base_mass", ("trajectory",), "kg", "mass added to the base"),
-    ArraySpec("base_com", ("trajectory", "axis"), "m", "shift of the base's centre of mass, base frame"),
-    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
-    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
-    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
-    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
-    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
-    ArraySpec("latency", ("trajectory",), "s", "time from an action to its effect at the motors"),
-)
+RANDOMIZATION_ARRAYS = tuple(per_trajectory(parameter) for parameter in RANDOMIZED_PARAMETERS)
 """What holds for each rollout, whether it was drawn or not."""
 
 INITIAL_STATE_ARRAYS = (
@@ -104,14 +102,7 @@ INITIAL_STATE_ARRAYS = (
     ArraySpec("warm_start", ("trajectory", "velocity"), "m/s^2, rad/s^2", "the solver's last accelerations"),
     ArraySpec("target_queue", ("trajectory", "slot", "joint"), "rad", "joint targets on their way to the motors"),
     ArraySpec("reference_step", ("trajectory",), "1", "control steps since the rollout began", "int32"),
-    ArraySpec("delay", ("trajectory",), "1", "latency in physics substeps", "int32"),
-    ArraySpec("base_mass", ("trajectory",), "kg", "mass of the base"),
-    ArraySpec("base_com", ("trajectory", "axis"), "m", "centre of mass of the base, base frame"),
-    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
-    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
-    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
-    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
-    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
+    *(per_trajectory(parameter.state) for parameter in RANDOMIZED_PARAMETERS),
 )
 """Everything that simulator and motors need to go on from the first kept row."""
 

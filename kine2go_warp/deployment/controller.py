@@ -92,10 +92,10 @@ class PolicyController:
     def joint_target(self, output: NDArray) -> NDArray[np.float64]:
         """Return the joint targets of an output of the present step [rad], shape [12]."""
         action = self.metadata.action
-        if action.form == "joint_target":
+        if action.mode == "absolute":
             return np.asarray(output, np.float64)
         offset = action.scale * np.clip(np.asarray(output, np.float64), -action.clip, action.clip)
-        if action.form == "default_pose":
+        if action.mode == "default_offset":
             return np.array(self.metadata.default_joint_position) + offset
         coming = self.step + action.reference_lead
         feedforward = action.velocity_gain * self.reference.joint_velocity(coming)

@@ -26,16 +26,16 @@ INFINITE = float("inf")
 
 @dataclass(frozen=True)
 class ActionConfig:
-    """How the policy's output becomes a joint target."""
+    """How the policy's action becomes a joint target."""
 
-    form: Literal["default_pose", "reference", "reference_pose", "joint_target"] = "default_pose"
-    """``default_pose``: default pose + scale * output (the paper). ``reference``: the coming reference with its
-    velocity fed forward + scale * output; ``reference_pose``: without the velocity. ``joint_target``: the output
-    itself, in radians. The recorded action means the same in all."""
+    mode: Literal["default_offset", "residual_ff", "residual", "absolute"] = "default_offset"
+    """``default_offset``: default pose + scale * action (the paper). ``residual_ff``: the coming reference with its
+    velocity fed forward + scale * action; ``residual``: without the velocity. ``absolute``: the action itself, in
+    radians. The recorded action means the same in all."""
     scale: float = 0.25
-    """Radians for an output of 1."""
+    """Radians for an action of 1."""
     clip: float = 100.0
-    """Outputs are clipped to this magnitude."""
+    """Actions are clipped to this magnitude."""
     latency: float = 0.02
     """Time from an action to its effect at the motors, rounded to physics substeps [s]."""
 

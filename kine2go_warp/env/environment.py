@@ -7,7 +7,7 @@ import warp as wp
 
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.episodes import Episodes, EpisodeStarts
+from kine2go_warp.env.episodes import Episodes, EpisodeStart
 from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.observations import (
@@ -93,7 +93,7 @@ class ImitationEnvironment:
             else:
                 self._step()
 
-    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStarts | None = None) -> None:
+    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStart | None = None) -> None:
         """Make all worlds anew from a seed, and begin an episode in each.
 
         Args:
@@ -104,7 +104,7 @@ class ImitationEnvironment:
         with wp.ScopedDevice(self.device):
             self.episodes.restart(seed, first_world)
             self.randomization.draw_bodies()
-            self._begin_episodes(starts)
+            self._reset_worlds(starts)
             self._observe()
             self.episodes.done.zero_()
 
@@ -153,7 +153,7 @@ class ImitationEnvironment:
 
         One step is run first, so that every module is loaded and every lazy allocation made.
         """
-        self._begin_episodes()
+        self._reset_worlds()
         self._step()
         # An old graph that is collected during a capture would corrupt the new one.
         gc.collect()
@@ -175,7 +175,7 @@ class ImitationEnvironment:
         episodes.advance()
         self._evaluate()
         episodes.learn_from_failures()
-        self._begin_episodes()
+        self._reset_worlds()
         self._observe()
 
     def _evaluate(self) -> None:
@@ -213,14 +213,14 @@ class ImitationEnvironment:
             ],
         )
 
-    def _begin_episodes(self, starts: EpisodeStarts | None = None) -> None:
+    def _reset_worlds(self, starts: EpisodeStart | None = None) -> None:
         """Start a new episode in every world that is done."""
         episodes, simulation = self.episodes, self.simulation
-        episodes.begin()
+        episodes.reset()
         if starts is not None:
-            episodes.choose(starts)
-        self.randomization.begin()
-        drawn = [*episodes.drawn, episodes.clips, episodes.placement]
+            episodes.set_starts(starts)
+        self.randomization.reset()
+        drawn = [*episodes.reset_inputs, episodes.clips, episodes.placement]
         wp.launch(
             resets.reset_joints,
             dim=self.num_worlds,

@@ -17,7 +17,7 @@ from kine2go_warp.motions.clip import MotionClip
 
 
 @dataclass(frozen=True)
-class EpisodeStarts:
+class EpisodeStart:
     """Where the next episode of each world begins, instead of being drawn; every array has shape [num_worlds]."""
 
     clip: NDArray[np.int32]
@@ -54,7 +54,7 @@ class Episodes:
         self.restart(config.seed)
 
     @property
-    def drawn(self) -> list[wp.array]:
+    def reset_inputs(self) -> list[wp.array]:
         """What every kernel needs that draws something for a new episode."""
         return [self.done, self.seed, self.episode]
 
@@ -88,13 +88,13 @@ class Episodes:
         wp.launch(phase_sampling.fade_counts, dim=table.cumulative.shape[0], inputs=[table, sampling.memory])
         wp.launch(phase_sampling.accumulate_probability, dim=1, inputs=[table, sampling.uniform_share])
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Draw clip, phase, heading and place of every world that is done."""
         wp.launch(
             resets.draw_episodes,
             dim=self.num_worlds,
             inputs=[
-                *self.drawn,
+                *self.reset_inputs,
                 self.clips,
                 self.placement,
                 self.phase_table,
@@ -104,8 +104,8 @@ class Episodes:
             ],
         )
 
-    def choose(self, starts: EpisodeStarts) -> None:
-        """Let the episodes that have just been drawn begin elsewhere in the clips."""
+    def set_starts(self, starts: EpisodeStart) -> None:
+        """Begin the episodes that have just been drawn elsewhere in the clips."""
         chosen = [wp.array(starts.clip, dtype=int), wp.array(starts.phase, dtype=float)]
         inputs = [self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
         wp.launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)

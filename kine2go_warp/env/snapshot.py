@@ -9,6 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.randomization import parameter_arrays
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.files import atomic_file
 
@@ -23,14 +24,7 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "warm_start": simulation.warm_start,
         "target_queue": motors.target_queue,
         "last_action": environment.last_action,
-        "stiffness": motors.model.stiffness,
-        "damping": motors.model.damping,
-        "strength": motors.model.strength,
-        "motor_offset": motors.model.offset,
-        "delay": motors.model.delay,
-        "base_mass": randomization.bodies.base.mass,
-        "base_com": randomization.bodies.base.com,
-        "friction": randomization.bodies.friction,
+        **parameter_arrays(motors, randomization.bodies),
         "next_push": randomization.next_push,
         "seed": episodes.seed,
         "episode": episodes.episode,

@@ -61,19 +61,19 @@ def turning_clip(clip):
 
 
 @pytest.mark.parametrize(
-    ("form", "which"),
+    ("mode", "which"),
     [
-        ("reference", "turning_clip"),
-        ("reference_pose", "turning_clip"),
-        ("default_pose", "clip"),
-        ("joint_target", "turning_clip"),
+        ("residual_ff", "turning_clip"),
+        ("residual", "turning_clip"),
+        ("default_offset", "clip"),
+        ("absolute", "turning_clip"),
     ],
 )
 def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_resets(
-    exported, small_config, form, which, request
+    exported, small_config, mode, which, request
 ):
     clip = request.getfixturevalue(which)
-    config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(form=form, clip=0.8))
+    config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(mode=mode, clip=0.8))
     environment = ImitationEnvironment([clip], config, "cpu")
     policy = ExportedPolicy.load(exported)
     policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=action_rule(config)))

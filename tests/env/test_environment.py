@@ -129,14 +129,14 @@ def test_the_exponent_of_a_reward_is_a_setting(clip, small_config):
 
 def test_the_velocity_is_fed_forward_by_the_ratio_of_the_gains_or_not_at_all(clip, small_config):
     targets = {}
-    for form in ("reference", "reference_pose"):
-        config = replace(small_config, action=replace(small_config.action, form=form, latency=0.0), reset=STILL)
+    for mode in ("residual_ff", "residual"):
+        config = replace(small_config, action=replace(small_config.action, mode=mode, latency=0.0), reset=STILL)
         environment = ImitationEnvironment([clip], config, "cpu")
         environment.step()
-        targets[form] = environment.motors.joint_target.numpy().copy()
+        targets[mode] = environment.motors.joint_target.numpy().copy()
         reference, step = environment.reference, environment.reference.joint_velocity.numpy().copy()
     # After the step the reference is sampled where the targets, without latency, were taken from.
-    np.testing.assert_allclose(targets["reference_pose"], reference.joint_position.numpy(), atol=1e-5)
+    np.testing.assert_allclose(targets["residual"], reference.joint_position.numpy(), atol=1e-5)
     lead = config.motor.damping / config.motor.stiffness
-    np.testing.assert_allclose(targets["reference"] - targets["reference_pose"], lead * step, atol=1e-5)
+    np.testing.assert_allclose(targets["residual_ff"] - targets["residual"], lead * step, atol=1e-5)
     assert np.abs(step).max() > 1.0

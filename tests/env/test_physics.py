@@ -23,7 +23,7 @@ def target_config(small_config):
     return replace(
         small_config,
         num_worlds=2,
-        action=ActionConfig("joint_target", latency=0.02),
+        action=ActionConfig("absolute", latency=0.02),
         reset=STILL,
         termination=ENDLESS,
         episode_time=60.0,
@@ -104,7 +104,7 @@ def test_torques_never_exceed_the_motors_limits(clip, small_config):
 
 def test_a_joint_answers_a_step_of_its_target_as_a_damped_oscillator(standing_clip, target_config):
     """In free fall a small step obeys ``I q'' = kp (target - q) - kd q'``, with ``1 / I`` from the mass matrix."""
-    config = replace(target_config, motor=MotorConfig(30.0, 0.6), action=ActionConfig("joint_target", latency=0.0))
+    config = replace(target_config, motor=MotorConfig(30.0, 0.6), action=ActionConfig("absolute", latency=0.0))
     config = replace(config, substeps=8)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     lift(environment, 10.0)

@@ -32,7 +32,7 @@ def test_the_paper_preset_is_the_papers_table():
     assert {key: algorithm[key] for key in expected} == expected
     env = PAPER.env
     assert (env.num_worlds, env.seed, env.control_rate, env.substeps, env.episode_time) == (8192, 1, 60.0, 4, 20.0)
-    assert env.action == ActionConfig(form="default_pose", scale=0.25, clip=100.0, latency=0.02)
+    assert env.action == ActionConfig(mode="default_offset", scale=0.25, clip=100.0, latency=0.02)
     assert env.history_length == 3
     np.testing.assert_allclose(
         np.array(env.reward.weights) / 60.0, [0.008333, 0.000833, 0.003333, 0.0025, 0.001667], atol=5e-7
@@ -55,7 +55,7 @@ def test_settings_survive_the_way_through_a_file(preset):
     [
         ({"env": {"worlds": 3}}, "unknown key.*worlds"),
         ({"env": {"num_worlds": "many"}}, "env.num_worlds"),
-        ({"env": {"action": {"form": "torque"}}}, "env.action.form"),
+        ({"env": {"action": {"mode": "torque"}}}, "env.action.mode"),
         ({"ppo": {"hidden_dims": [64, "x"]}}, "ppo.hidden_dims"),
     ],
 )
