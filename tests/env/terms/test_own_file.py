@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,11 +32,11 @@ def own_policy(clip, tmp_path_factory):
     (example,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     (folder / "my_file.py").write_text(example)
     clip.save(folder / "trot.npz")
-    command = [sys.executable, "-m", "kine2go_warp.cli.main", "train", "trot.npz", "--preset", "my_file.py:PRESET"]
+    command = [Path(sys.executable).with_name("kine2go"), "train", "trot.npz", "--preset", "my_file.py:PRESET"]
     command += ["--env.num-worlds", "8", "--ppo.iterations", "1", "--processes", "1", "--device", "cpu"]
-    result = subprocess.run([*command, "--out", "policies"], cwd=folder, capture_output=True, text=True, check=False)
+    result = subprocess.run([*command, "--out", "policy"], cwd=folder, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
-    return PolicyFolder(next((folder / "policies").rglob("policy.json")).parent)
+    return PolicyFolder(folder / "policy")
 
 
 def test_the_policy_sees_the_previous_command_and_no_linear_velocity(own_policy):
