@@ -89,10 +89,10 @@ class Review:
         Raises:
             DatasetError: there is no dataset, it is empty, or it lacks one of them.
         """
-        from kine2go_warp.dataset.motion import Motion
-        from kine2go_warp.scores.report import chosen_motions
+        from kine2go_warp.dataset import open_dataset
 
-        return [Motion(self.target, name) for name in chosen_motions(self.target, self.motions)]
+        dataset = open_dataset(self.target)
+        return [dataset.motion(name) for name in dataset.chosen(self.motions)]
 
     def _meshes(self) -> "Meshes | None":
         """Return the user's meshes, if there are any."""

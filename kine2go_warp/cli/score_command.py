@@ -44,27 +44,21 @@ class Score:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
-        from kine2go_warp.dataset.used import read_used
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.robots import GO2
         from kine2go_warp.scores.plots import curves_of, draw
-        from kine2go_warp.scores.report import chosen_motions, measure, robot_note, score, write_json
+        from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
-        names = chosen_motions(self.dataset, self.motions)
+        dataset = open_dataset(self.dataset)
+        names = scored_motions(dataset, self.motions)
         self._check_outputs()
         output = console()
-        measured, curves, left_out, total = [], [], 0, 0
+        measured, curves = [], []
         for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
-            data, rejected = read_used(self.dataset, name)
-            left_out += rejected
-            total += rejected + data.trajectories.num_trajectories
-            if data.trajectories.num_trajectories == 0:
-                continue
+            data = dataset.load(name)
             measured.append(measure(data, GO2))
             if self.plots is not None:
                 curves.append(curves_of(data))
-        if not measured:
-            raise DatasetError(f"{self.dataset}: all trajectories were rejected in a review; nothing is left to score")
         scores = score(measured)
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)
@@ -72,11 +66,9 @@ class Score:
             for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
-        if left_out:
-            note = f"left out {left_out} of {counted(total, 'trajectory')}, rejected in a review"
-            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
-        if note := robot_note(self.dataset, GO2):
-            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
+        for note in (review_note(dataset, self.motions), robot_note(dataset, GO2)):
+            if note:
+                output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0
 
     def _check_outputs(self) -> None:

@@ -56,25 +56,26 @@ def ranked_trajectories(values: NDArray) -> dict[str, int]:
     return once
 
 
-def strips(artist: Artist, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, ...]:
+def strips(artist: Artist, motion: Motion, joint_rmse: NDArray, indices: NDArray) -> tuple[Strip, ...]:
     """Draw the best, the median and the worst trajectory of a motion.
 
     Args:
         artist: Draws pictures of ``WIDTH`` x ``HEIGHT``.
         motion: The motion.
         joint_rmse: By which they are ranked [rad], shape [num_trajectories].
+        indices: Index of each of these trajectories in the store, same shape.
 
     Raises:
         RenderError: poses are not finite.
         DatasetError: the motion cannot be read.
     """
     chosen = ranked_trajectories(joint_rmse)
-    takes = read_takes(motion, list(chosen.values()))
+    takes = read_takes(motion, [int(indices[place]) for place in chosen.values()])
     result = []
-    for rank, take in zip(chosen, takes, strict=True):
+    for (rank, place), take in zip(chosen.items(), takes, strict=True):
         rows = [round(share * (len(take.time) - 1)) for share in SHARES]
         shots = tuple(Shot(jpeg_address(artist.draw(take.order(row))), row, float(take.time[row])) for row in rows)
-        result.append(Strip(rank, take.index, float(joint_rmse[take.index]), shots))
+        result.append(Strip(rank, take.index, float(joint_rmse[place]), shots))
     return tuple(result)
 
 

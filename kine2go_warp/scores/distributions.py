@@ -7,8 +7,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.doubt import LIMITS
-from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.schema import REJECTED
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
@@ -37,7 +37,7 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
     Raises:
         DatasetError: the motion cannot be read, or does not tell its limits.
     """
-    data = read_motion(path, motion)
+    data = open_dataset(path).load(motion)
     settings = data.attributes.get("gather_settings")
     if not isinstance(settings, dict) or any(limit.setting not in settings for limit in LIMITS):
         raise DatasetError(f"{path}/{motion}: does not tell the limits it was filtered by; gather it again")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.reader import MotionData
+from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.dataset.summary import counted
 from kine2go_warp.files import atomic_file
 from kine2go_warp.scores.quaternions import yaw

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.reader import MotionData
+from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.scores import metrics, transport
 from kine2go_warp.scores.metrics import FOOT_LINKS
@@ -37,7 +37,7 @@ class Rollouts:
         return cls(
             rows=data.trajectories.rows,
             length=length,
-            frame_duration=float(data.time[1] - data.time[0]),
+            frame_duration=data.frame_duration,
             accepted=int(data.attributes.get("accepted", len(length))),
             rejected=sum(data.attributes.get("rejected", {}).values()),
             spec=spec,

@@ -17,7 +17,7 @@ ROW_CHECKS: tuple[RowCheck, ...] = (
 
 def all_checks() -> list[Check]:
     """Return every check once, in the order in which they run."""
-    checks = [*store.STORE_CHECKS[:1], *store.MOTION_CHECKS]
+    checks = [*store.STORE_CHECKS[:2], *store.MOTION_CHECKS]
     for name, group in groupby(ROW_CHECKS, key=lambda check: check.name):
         members = list(group)
         limits = dict.fromkeys(member.limit for member in members)
