@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kine2go_warp.dataset.access import Dataset, open_dataset
-from kine2go_warp.dataset.quality import tracking_quality
+from kine2go_warp.metrics import tracking_quality
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,12 @@ from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.dataset.summary import counted, summarise
-from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
+from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import continuous
 
 SIMULATION = SimulationAttributes(60.0, 4, 60.0, 2.0)
 
@@ -201,7 +202,7 @@ def test_a_missing_motion_and_a_truncated_shard_are_named(store):
 def test_quaternions_become_continuous_without_turning(rng):
     quaternions = rng.normal(size=(4, 30, 4))
     quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    smooth = continuous_quaternions(quaternions)
+    smooth = continuous(quaternions, axis=1)
     np.testing.assert_allclose(np.abs(np.sum(smooth * quaternions, axis=-1)), 1.0)
     assert np.all(np.sum(smooth[:, 1:] * smooth[:, :-1], axis=-1) >= 0.0)
     assert np.all(smooth[:, 0, 0] >= 0.0)

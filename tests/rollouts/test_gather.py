@@ -10,11 +10,11 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather, with_rows
+from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
 LOOSE = GatherConfig(trajectories=6, rows=40, noise=(1.0, 1.0), **ANYTHING_GOES)
