@@ -1,7 +1,7 @@
 """Metrics of rollouts: what each one is called and means, and how it is computed, with NumPy alone.
 
 ``METRICS`` is the table of names, units, meanings and of the limits that the filter of gathering sets. The functions of
-tracking errors take the rows of a dataset by name. All others take arrays of shape [num_trajectories, num_rows, ...], in
+tracking errors take the rows of a dataset by name. All others take arrays of shape [num_trajectories, num_rows, ...] in
 which rows beyond a trajectory's end are NaN, and return one value for each trajectory, shape [num_trajectories]; NaN
 where a trajectory has nothing to measure. Positions and velocities are in the world frame unless a name says otherwise,
 quaternions are (w, x, y, z).

@@ -16,7 +16,6 @@ from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import RenderError
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
@@ -104,7 +103,7 @@ def environment(clip: MotionClip, small_config: EnvConfig) -> ImitationEnvironme
 def policy(clip: MotionClip, tmp_path_factory: pytest.TempPathFactory) -> PolicyFolder:
     """A policy after a few iterations: real, but not good."""
     folder = tmp_path_factory.mktemp("policy") / clip.name
-    train([clip], TrainConfig(num_worlds=16, iterations=3), folder, "cpu")
+    train([clip], FAST.override({"env.num_worlds": 16, "ppo.iterations": 3}), folder, "cpu")
     return PolicyFolder(folder)
 
 
