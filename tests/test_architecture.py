@@ -20,6 +20,7 @@ LEAVES = {
     "revision",
     "rotations",
     "settings",
+    "tables",
 }
 
 ALLOWED = {

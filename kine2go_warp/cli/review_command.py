@@ -110,9 +110,9 @@ class Review:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.recordings.motion import Style
         from kine2go_warp.recordings.shelf import Shelf
+        from kine2go_warp.tables import counted
 
         output = console()
         shelf = Shelf(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
@@ -159,8 +159,8 @@ class Review:
 
     def _judge(self) -> int:
         """Keep the verdicts that are given as options."""
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.dataset.verdicts import ACCEPTED, REJECTED, add_verdicts, new_verdict
+        from kine2go_warp.tables import counted
 
         both = set(self.accept) & set(self.reject)
         if both:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from kine2go_warp.dataset.doubt import STORED, Doubt, doubts
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.dataset.verdicts import (
     ACCEPTED,
     REJECTED,
@@ -19,6 +18,7 @@ from kine2go_warp.dataset.verdicts import (
     standing_verdicts,
 )
 from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.tables import counted
 
 HELP = "a accept, r reject, s skip, u undo, q quit"
 

@@ -51,10 +51,3 @@ def summarise_motion(dataset: Dataset, motion: str) -> MotionSummary:
         rejected_in_review=len(dataset.left_out(motion)),
         **{name: float(compute()) if len(durations) else math.nan for name, compute in measured.items()},
     )
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things in words, such as ``1 trajectory`` or ``2 trajectories``."""
-    ending = {"y": "ies", "h": "hes"}.get(noun[-1], f"{noun[-1]}s")
-    plural = noun[:-1] + ending
-    return f"{count:,} {noun if count == 1 else plural}"

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.tables import counted
 
 
 def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str) -> str:

@@ -19,6 +19,7 @@ from kine2go_warp.revision import revision
 from kine2go_warp.robots import GO2
 from kine2go_warp.scores.plots import curves_of
 from kine2go_warp.scores.report import MotionFigures, measure, review_note, robot_note, score, scored_motions
+from kine2go_warp.tables import number_text
 
 PAGE = Path(__file__).parent / "page"
 """Template, style and script."""
@@ -183,7 +184,7 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
         note=next((part.note for part in parts if part.note), ""),
         most_paths=MOST_PATHS,
         made_by=f"kine2go_warp {__version__}" + (f", revision {revision()}" if revision() else ""),
-        number_text=tables.number_text,
+        number_text=number_text,
         style=(PAGE / "page.css").read_text(),
         script=(PAGE / "page.js").read_text(),
     )

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.motion import MotionData
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.files import atomic_file
 from kine2go_warp.metrics import joint_rmse, root_error
 from kine2go_warp.rotations import heading
+from kine2go_warp.tables import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

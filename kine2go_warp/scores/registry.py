@@ -12,6 +12,7 @@ from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.metrics import FOOT_LINKS, Metric
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.scores import transport
+from kine2go_warp.tables import Cell, make_table, markdown
 
 
 @dataclass(frozen=True)
@@ -205,5 +206,5 @@ METRICS = (
 
 def markdown_table() -> str:
     """Return the figures and their meanings as a table in Markdown."""
-    rows = [f"| `{metric.name}` | {metric.unit} | {metric.better} | {metric.description} |" for metric in METRICS]
-    return "\n".join(["| figure | unit | better | meaning |", "|---|---|---|---|", *rows]) + "\n"
+    rows = [(Cell(one.name, code=True), one.unit, one.better, one.description) for one in METRICS]
+    return markdown(make_table("", ("figure", "unit", "better", "meaning"), rows))

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import MotionData
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.scores import statistics, transport
 from kine2go_warp.scores.registry import METRICS, Rollouts
 from kine2go_warp.scores.statistics import Estimate, estimate_mean, estimate_share
+from kine2go_warp.tables import counted
 
 
 @dataclass(frozen=True)

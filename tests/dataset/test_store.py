@@ -14,13 +14,14 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.store import motion_names
-from kine2go_warp.dataset.summary import counted, summarise
+from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from kine2go_warp.rotations import continuous
+from kine2go_warp.tables import counted
 
 SIMULATION = SimulationAttributes(60.0, 4, 60.0, 2.0)
 
