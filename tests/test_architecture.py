@@ -11,15 +11,18 @@ from tests.conftest import REPOSITORY
 
 LEAVES = {
     "kine2go_warp",
+    "device",
     "errors",
     "files",
-    "settings",
-    "device",
     "interruption",
     "machine",
-    "revision",
+    "metrics",
     "objects",
     "quantities",
+    "revision",
+    "rotations",
+    "settings",
+    "tables",
 }
 
 ALLOWED = {

@@ -51,7 +51,7 @@ def test_an_overflow_of_an_early_substep_is_noticed(clip, cramped):
     joint_qd[:], joint_qd[:, 2] = 0.0, 20.0
     environment.robot.joint_q.assign(joint_q)
     environment.robot.joint_qd.assign(joint_qd)
-    environment.output.assign(np.float32(joint_q[:, 7:] - GO2.default_joint_position) / 0.25)
+    environment.action.assign(np.float32(joint_q[:, 7:] - GO2.default_joint_position) / 0.25)
     environment.step()
     assert not (environment.simulation.data.overflow.numpy() & OVERFLOW_MASK).any(), "the last substep must have room"
     assert fault_counts(environment)["overflow"] == environment.num_worlds
