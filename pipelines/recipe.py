@@ -41,6 +41,8 @@ class Recipe:
     """Name of the folder that results go to."""
     motions: tuple[str, ...]
     """Names of catalogue entries."""
+    accept: tuple[str, ...] = ()
+    """Motions that are trained on even if their clip has gross faults."""
     retarget: RetargetConfig = field(default_factory=RetargetConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
     gather: GatherConfig = field(default_factory=GatherConfig)
@@ -100,6 +102,9 @@ def checked(values: Mapping[str, Any], text: str, where: str) -> Recipe:
         raise RecipeError(
             f"{where}{locate('', 'motions')}: 'motions' is empty; name at least one motion of the catalogue"
         )
+    unknown = sorted(set(recipe.accept) - set(recipe.motions))
+    if unknown:
+        raise RecipeError(f"{where}{locate('', 'accept')}: 'accept' names {', '.join(unknown)}, not among 'motions'")
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         raise RecipeError(f"{where}{locate('', 'name')}: name '{recipe.name}' is no name of a folder")
     return recipe
