@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ class MotionClip:
         from scipy.spatial.transform import Slerp
 
         num_frames = max(round(self.period * rate), 3)
-        time = np.arange(num_frames) * (self.period / num_frames)
+        time = np.arange(num_frames, dtype=np.float64) * (self.period / num_frames)
         margin = 4
         poses = extend_cyclically(
             self.root_position, self.root_orientation, self.joint_position, self.cycle, margin, margin

@@ -22,11 +22,11 @@ from kine2go_warp.motions.cycle import (
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet
 from kine2go_warp.motions.targets import PoseTargets, pose_targets, reach_remarks, standing_height
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ def solve_above_floor(
     position: Array, orientation: Array, feet: Array, frame_duration: float, solver: InverseKinematics
 ) -> RobotTrajectory:
     """Solve for the joints, raising the base where trunk, head or knees would be below the floor."""
-    time = np.arange(len(position)) * frame_duration
+    time = np.arange(len(position), dtype=np.float64) * frame_duration
     solved = solver.solve(PoseTargets(time, position, orientation, feet))
     for _ in range(FLOOR_PASSES):
         lowest = lowest_body_point(solver.spec, solved.root_position, solved.root_orientation, solved.joint_position)

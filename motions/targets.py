@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.floor import fit_floor
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import from_matrices, heading, to_rotation, turn_planar
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import from_matrices, heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:
     left = (hips[:, 0] - hips[:, 1]) + (hips[:, 2] - hips[:, 3])
     x = _unit(forward)
     y = _unit(left - np.sum(left * x, axis=-1, keepdims=True) * x)
-    return from_matrices(np.stack([x, y, np.cross(x, y)], axis=-1))
+    return from_matrices(np.stack([x, y, np.cross(x, y)], axis=-1, dtype=np.float64))
 
 
 def _unit(vectors: Array) -> Array:
