@@ -13,9 +13,9 @@ import zarr
 from kine2go_warp.dataset.checks import store
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS, all_checks
+from kine2go_warp.dataset.checks.mistakes import diagnose
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size, motion_layout
 from kine2go_warp.dataset.checks.records import Diagnosis, Finding, Report, Result, RowCheck
-from kine2go_warp.dataset.checks.traps import diagnose
 from kine2go_warp.dataset.schema import ROW_ARRAYS
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
