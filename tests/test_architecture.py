@@ -9,7 +9,22 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "extras", "files", "settings", "device", "interruption", "machine", "revision"}
+LEAVES = {
+    "kine2go_warp",
+    "device",
+    "errors",
+    "extras",
+    "files",
+    "interruption",
+    "machine",
+    "metrics",
+    "objects",
+    "quantities",
+    "revision",
+    "rotations",
+    "settings",
+    "tables",
+}
 
 ALLOWED = {
     "kernels": {"kernels"},
