@@ -6,6 +6,7 @@ from pathlib import Path
 import tyro
 
 from kine2go_warp.bench.choices import CHOICES, AblationConfig
+from kine2go_warp.cli.data import ClipPaths
 from kine2go_warp.errors import Kine2GoError
 
 
@@ -13,7 +14,7 @@ from kine2go_warp.errors import Kine2GoError
 class Ablate:
     """Train with one choice of 'fast' changed at a time, over clips and seeds, and print what each one buys."""
 
-    clips: tyro.conf.Positional[tuple[Path, ...]]
+    clips: ClipPaths
     """Clips (.npz) made by 'kine2go retarget'."""
     choices: tuple[str, ...] = ()
     """Names of choices; by default all."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from kine2go_warp.cli.data import MotionNames
 from kine2go_warp.errors import DatasetError, RecordingError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ class Review:
 
     target: Positional[Path]
     """A dataset (.zarr), or a clip (.npz) made by 'kine2go retarget'."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
     step: bool = False
     """Go through trajectories in the terminal, the most doubtful first, and accept or reject each by a key."""

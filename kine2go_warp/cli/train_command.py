@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import tyro
-
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import ClipPaths
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, find_preset
 from kine2go_warp.settings import to_dictionary, to_toml
-
-Positional = tyro.conf.Positional
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,7 @@ class Train:
     stops at once.
     """
 
-    clips: Positional[tuple[Path, ...]] = ()
+    clips: ClipPaths = ()
     """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
