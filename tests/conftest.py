@@ -25,7 +25,7 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.renders.artist import Artist
+from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
@@ -149,7 +149,7 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def can_draw() -> None:
     """Skip where no picture can be drawn."""
     try:
-        Artist(64, 64).close()
+        RenderProcess(64, 64).close()
     except RenderError as error:
         pytest.skip(str(error))
 
