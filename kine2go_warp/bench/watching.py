@@ -14,7 +14,7 @@ from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.runner import ImitationRunner, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
-from kine2go_warp.learning.watching import Audience, Watcher
+from kine2go_warp.learning.watching import TrainingObserver, WorldSampler
 from kine2go_warp.motions.clip import MotionClip
 
 WARM_UP = 2
@@ -26,7 +26,7 @@ SETTLE = 1.0
 
 
 def bench_watching(
-    clip: MotionClip, preset: Preset, device: str, repeats: int, processes: int, audience: Audience
+    clip: MotionClip, preset: Preset, device: str, repeats: int, processes: int, observer: TrainingObserver
 ) -> BenchReport:
     """Train in blocks, in turn watched and not, and compare neighbours.
 
@@ -38,7 +38,7 @@ def bench_watching(
         device: Where to train.
         repeats: Pairs of blocks.
         processes: Processes that share the simulation.
-        audience: Who watches.
+        observer: Who watches.
     """
     share_stream(device)
     torch.manual_seed(0)
@@ -46,7 +46,7 @@ def bench_watching(
         env = ParallelVecEnv([clip], preset.env, processes)
     else:
         env = ImitationVecEnv(ImitationEnvironment([clip], preset.env, device))
-    watcher = Watcher(env, audience, 0, interval=0.0)
+    watcher = WorldSampler(env, observer, 0, interval=0.0)
     times: list[float] = []
     rates: dict[bool, list[float]] = {False: [], True: []}
     efforts: dict[bool, list[float]] = {False: [], True: []}

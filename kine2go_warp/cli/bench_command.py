@@ -119,10 +119,10 @@ class Bench:
 
         server = WebViewer.start([])
         try:
-            with TrainingRecording("bench", ViewerSink(server.source)) as audience:
-                report = bench_watching(clip, preset, device, self.repeats, self.processes, audience)
+            with TrainingRecording("bench", ViewerSink(server.source)) as observer:
+                report = bench_watching(clip, preset, device, self.repeats, self.processes, observer)
         finally:
             server.stop()
-        if audience.problem:
-            raise RecordingError(f"the stream broke off: {audience.problem}")
+        if observer.problem:
+            raise RecordingError(f"the stream broke off: {observer.problem}")
         return report

@@ -95,7 +95,7 @@ class Train:
         folder = self.out or Path("runs/policies") / name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
         watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
-        with StopRequest(message) as stop, watch as audience, Progress() as progress:
+        with StopRequest(message) as stop, watch as observer, Progress() as progress:
             progress.stage(name, "train")
             record = train(
                 clips,
@@ -108,7 +108,7 @@ class Train:
                 self.strict,
                 stop,
                 progress.note,
-                audience,
+                observer,
             )
         print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
         return 0

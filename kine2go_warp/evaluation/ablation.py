@@ -175,19 +175,19 @@ def read_result(policy: PolicyFolder) -> dict[str, Any] | None:
 
 def ablation_table(motion: str, variants: Sequence[Variant], out: Path) -> str:
     """Return a Markdown table of one motion: medians over seeds, and least and greatest of how long it was tracked."""
-    rows = [["variant", *(title for title, *_ in COLUMNS), "training [s]", "seeds"]]
+    rows = [["variant", *(column[0] for column in COLUMNS), "training [s]", "seeds"]]
     rows.append(["---"] * len(rows[0]))
     for variant in variants:
         folders = sorted((out / motion / variant.name).glob(f"seed-*/{RESULT_FILE}"))
         found = [result for path in folders if (result := read_result(PolicyFolder(path.parent))) is not None]
         if found:
             seconds = statistics.median(result["seconds"] for result in found)
-            cells = [cell(found, *column) for _, *column in COLUMNS]
+            cells = [cell(found, *column) for column in COLUMNS]
             rows.append([f"`{variant.name}`", *cells, f"{seconds:.0f}", str(len(found))])
     return f"`{motion}`\n\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
 
 
-def cell(found: Sequence[dict[str, Any]], condition: str, name: str, factor: float) -> str:
+def cell(found: Sequence[dict[str, Any]], _title: str, condition: str, name: str, factor: float) -> str:
     """Return the median of one value over the seeds of a variant."""
     values = [factor * result[condition][name] for result in found if name in result[condition]]
     if not values:

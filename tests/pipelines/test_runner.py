@@ -193,7 +193,7 @@ def test_motions_that_were_simulated_otherwise_leave_the_dataset_and_their_artef
 
 def test_two_runs_on_one_folder_are_refused_with_who_is_there(tmp_path):
     folder = tmp_path / "run"
-    with Workspace(folder).locked(), pytest.raises(PipelineError, match=f"process {os.getpid()} on .* since"):
+    with Workspace(folder).alone(), pytest.raises(PipelineError, match=f"process {os.getpid()} on .* since"):
         run(TINY, folder)
     assert not (folder / "artefacts").exists()
     result, _ = run(TINY, folder)
