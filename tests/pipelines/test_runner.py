@@ -81,7 +81,7 @@ def test_a_finished_motion_tells_its_figures(finished):
     [
         (lambda recipe: replace(recipe, record=replace(recipe.record, trajectories=2)), ["record"]),
         (lambda recipe: replace(recipe, gather=replace(recipe.gather, rows=15)), ["gather", "score", "record"]),
-        (lambda recipe: replace(recipe, train=replace(recipe.train, seed=2)), ALL[1:]),
+        (lambda recipe: replace(recipe, train=recipe.train.override({"env.seed": 2})), ALL[1:]),
         (lambda recipe: replace(recipe, retarget=replace(recipe.retarget, mode="plain")), ALL),
     ],
     ids=["record", "gather", "train", "retarget"],
