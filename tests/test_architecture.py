@@ -17,6 +17,8 @@ LEAVES = {
     "interruption",
     "machine",
     "metrics",
+    "objects",
+    "quantities",
     "revision",
     "rotations",
     "settings",

@@ -245,7 +245,10 @@ class Campaign:
         observation = self.env.get_observations()
         for step in range(total):
             if step == warm_up:
-                groups = {"randomization": environment.randomization.drawn(), "initial_state": self._initial_state()}
+                groups = {
+                    "randomization": environment.randomization.parameters(),
+                    "initial_state": self._initial_state(),
+                }
             mean, output = self.actor(observation, noise)
             if step >= warm_up:
                 recorder.record_state()
