@@ -52,3 +52,31 @@ def _rotate_x(angle: Array, vector: Array) -> Array:
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y, z = np.moveaxis(vector, -1, 0)
     return np.stack([x, cosine * y - sine * z, sine * y + cosine * z], axis=-1)
+
+
+def shank_rotations(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return the orientations of the calf links in the base frame, shape [..., 4, 3, 3]."""
+    angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
+    roll, pitch = angles[..., 0], angles[..., 1] + angles[..., 2]
+    columns = (
+        np.stack([np.cos(pitch), np.zeros_like(pitch), -np.sin(pitch)], axis=-1),
+        np.broadcast_to([0.0, 1.0, 0.0], (*pitch.shape, 3)),
+        np.stack([np.sin(pitch), np.zeros_like(pitch), np.cos(pitch)], axis=-1),
+    )
+    return np.stack([_rotate_x(roll, column) for column in columns], axis=-1)
+
+
+def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: float) -> Array:
+    """Return the velocity of the lowest point of foot spheres, the point that touches the floor.
+
+    A foot that rolls over its contact has a moving centre and a contact point at rest, so slip is measured here. The
+    point's place is ``(0, 0, -radius)`` from the centre in the world frame.
+
+    Args:
+        foot_velocity: Of the foot's centre, world frame [m/s], shape [..., 3].
+        angular_velocity: Of the shank that the foot is fixed to, world frame [rad/s], shape [..., 3].
+        radius: Of the sphere [m].
+    """
+    turning = np.asarray(angular_velocity)
+    rolling = np.stack([-turning[..., 1], turning[..., 0], np.zeros_like(turning[..., 0])], axis=-1)
+    return np.asarray(foot_velocity) + radius * rolling
