@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.motions.body import lowest_body_point
 from kine2go_warp.motions.cycle import extend_cyclically
+from kine2go_warp.motions.fidelity import Fidelity, measure
 from kine2go_warp.motions.retarget import Retargeted
 from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import RobotSpec
@@ -55,6 +56,8 @@ class ClipQuality:
     start: int
     end: int
     """Range of source frames that was used."""
+    fidelity: Fidelity
+    """How truly it moves as the animal does."""
 
 
 def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
@@ -90,6 +93,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         slow_down=clip.slow_down,
         start=clip.origin.start,
         end=clip.origin.end,
+        fidelity=measure(clip, retargeted.motion, spec),
     )
 
 

@@ -60,6 +60,8 @@ class Retargeted:
     """A clip and what it was made of, to judge it by."""
 
     clip: MotionClip
+    motion: KeypointMotion
+    """The whole motion in the robot's size."""
     source_path_length: float
     """Length of the base's path in the ground plane according to the source, scaled [m]."""
     seam_score: float
@@ -97,10 +99,11 @@ def retarget(
     )
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip = make(selected, solver, config)
-    clip = replace(clip, keypoints=keypoints_of(clip, motion.scaled(source.scale), targets, start, end))
+    scaled = motion.scaled(source.scale)
+    clip = replace(clip, keypoints=keypoints_of(clip, scaled, targets, start, end))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[:, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
-    return Retargeted(clip, float(steps.sum()), score)
+    return Retargeted(clip, scaled, float(steps.sum()), score)
 
 
 def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: PoseTargets, start: int, end: int) -> Skeleton:
