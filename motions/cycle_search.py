@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.rotations import heading, to_rotation, turn_planar
-from kine2go_warp.motions.targets import PoseTargets
 
 Array = NDArray[np.float64]
 
@@ -25,13 +25,14 @@ class CycleCandidate:
     """Distance between the two states, in standard deviations of the motion; 0 is a perfect seam."""
 
 
-def pose_features(targets: PoseTargets) -> Array:
+def pose_features(targets: Poses) -> Array:
     """Return what must agree across a seam: height, tilt and feet as seen from the root, and how they change.
 
     Each is divided by its own standard deviation. Shape [num_frames, num_features].
     """
     yaw = heading(targets.root_orientation)
-    feet = turn_planar(targets.foot_position - targets.root_position[:, None], -yaw[:, None])
+    assert targets.feet is not None
+    feet = turn_planar(targets.feet - targets.root_position[:, None], -yaw[:, None])
     tilt = to_rotation(targets.root_orientation).as_matrix()[:, 2]
     velocity = turn_planar(np.gradient(targets.root_position, axis=0), -yaw)
     pose = np.hstack([targets.root_position[:, 2:], tilt, feet.reshape(len(feet), -1)])
@@ -47,17 +48,17 @@ def seam_scores(features: Array, starts: Array, ends: Array) -> Array:
     return np.sqrt(np.maximum(squares, 0.0) / features.shape[1])
 
 
-def seam_score(targets: PoseTargets, start: int, end: int) -> float:
+def seam_score(targets: Poses, start: int, end: int) -> float:
     """Return the distance between two frames, in standard deviations of the motion."""
     return float(seam_scores(pose_features(targets), np.array([start]), np.array([end]))[0, 0])
 
 
-def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -> tuple[int, int]:
+def best_cycle(targets: Poses, start: int, end: int, search_frames: int) -> tuple[int, int]:
     """Return the best start and end within some frames of the ones given.
 
     Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
     """
-    last = len(targets.time) - 1
+    last = len(targets) - 1
     # A short cycle must not lose its stride to the search.
     reach = max(min(search_frames, (end - start) // 6), 0)
     starts = np.arange(max(start - reach, 0), start + reach + 1)
@@ -70,7 +71,7 @@ def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -
 
 
 def find_cycles(
-    targets: PoseTargets, min_frames: int, max_frames: int, count: int, travel: float = 0.0
+    targets: Poses, min_frames: int, max_frames: int, count: int, travel: float = 0.0
 ) -> list[CycleCandidate]:
     """Return the best ranges of a whole motion, best first.
 

@@ -5,18 +5,20 @@ follow height and speed (``stance.py``). The trunk line runs from the middle of 
 the base of a clip follows pelvis and neck (``targets.py``).
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import to_rotation, turn_planar
+from kine2go_warp.motions.rotations import to_rotation, turn_between, turn_planar
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import contact_velocity, foot_positions, shank_rotations
+
+if TYPE_CHECKING:
+    from kine2go_warp.motions.clip import MotionClip
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -88,8 +90,19 @@ class Fidelity:
     flight_share: float
     """Share of time that no foot stands."""
 
+    def as_json(self) -> dict[str, float | None]:
+        """Return the metrics by name, with null for what has no meaning."""
+        return {name: None if np.isnan(value) else value for name, value in asdict(self).items()}
 
-def measure(clip: MotionClip, motion: KeypointMotion, spec: RobotSpec) -> Fidelity:
+    @classmethod
+    def from_json(cls, content: dict[str, Any] | None) -> "Fidelity | None":
+        """Undo ``as_json``; None if there is nothing."""
+        if content is None:
+            return None
+        return cls(**{name: float("nan") if value is None else float(value) for name, value in content.items()})
+
+
+def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fidelity:
     """Return the figures of a clip.
 
     Args:
@@ -105,11 +118,10 @@ def measure(clip: MotionClip, motion: KeypointMotion, spec: RobotSpec) -> Fideli
     within = slice(before, before + end - start)
     toes = near.points("toe")
     contact = contacts_by_speed(gaussian_filter1d(toes, CAPTURE_FILTER / step, axis=0), step)[within]
-    poses = extend_cyclically(
-        clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, margin, margin
-    )
+    poses = clip.extended(margin, margin)
+    assert poses.joints is not None
     rotation = to_rotation(poses.root_orientation).as_matrix()
-    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, poses.channels)) + poses.root_position[:, None]
+    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, poses.joints)) + poses.root_position[:, None]
     middle = slice(margin, margin + clip.num_frames)
     # Time runs as in the source, so that a clip that was slowed is compared like for like.
     clip_contact = contacts_by_speed(feet, step)[middle]
@@ -118,7 +130,7 @@ def measure(clip: MotionClip, motion: KeypointMotion, spec: RobotSpec) -> Fideli
         swing_share(bottom[:, legs], toes[within][:, legs, 2], contact[:, legs]) for legs in ([0, 1], [2, 3])
     )
     trunk = near.points("hip").mean(axis=1)
-    slip = floor_speeds(clip, feet[margin - 1 : margin + clip.num_frames + 1], rotation, poses.channels, margin, spec)
+    slip = floor_speeds(clip, feet[margin - 1 : margin + clip.num_frames + 1], rotation, poses.joints, margin, spec)
     accelerations = horizontal_acceleration(poses.root_position, clip.frame_duration)[middle]
     at_seam = near_seam(clip.num_frames, clip.frame_duration)
     knees = clip.joint_position[:, 2::3]
@@ -192,7 +204,7 @@ def trunk_pitch(motion: KeypointMotion) -> Array:
     return pitch_of(hips[:, :2].mean(axis=1) - hips[:, 2:].mean(axis=1))
 
 
-def base_pitch(clip: MotionClip) -> Array:
+def base_pitch(clip: "MotionClip") -> Array:
     """Return the pitch of a clip's base, nose-up [deg]."""
     return pitch_of(to_rotation(clip.root_orientation).apply([1.0, 0.0, 0.0]))
 
@@ -265,31 +277,18 @@ def seam_shift(motion: KeypointMotion, start: int, end: int) -> float:
     return float(shift - round(shift))
 
 
-def floor_speeds(clip: MotionClip, feet: Array, rotation: Array, joints: Array, margin: int, spec: RobotSpec) -> Array:
+def floor_speeds(
+    clip: "MotionClip", feet: Array, rotation: Array, joints: Array, margin: int, spec: RobotSpec
+) -> Array:
     """Return the horizontal speeds of the lowest points of all feet that touch the floor [m/s], in one row."""
     around = slice(margin - 1, margin + clip.num_frames + 1)
     shanks = rotation[around, None] @ shank_rotations(spec, joints[around])
-    turns = turn_rates(shanks, clip.frame_duration)
+    turns = turn_between(shanks[:-2], shanks[2:]) / (2.0 * clip.frame_duration)
     velocity = (feet[2:] - feet[:-2]) / (2.0 * clip.frame_duration)
     speed = np.linalg.norm(contact_velocity(velocity, turns, spec.foot_radius)[..., :2], axis=-1)
     low = feet[..., 2] - spec.foot_radius < LOW
     # Differences reach over three frames; a foot that touches down in one of them moves.
     return speed[low[2:] & low[1:-1] & low[:-2]]
-
-
-def turn_rates(rotations: Array, step: float) -> Array:
-    """Return angular velocities in the world by central differences [rad/s], shape [num_frames - 2, ..., 3].
-
-    Args:
-        rotations: Matrices, shape [num_frames, ..., 3, 3].
-        step: From frame to frame [s].
-    """
-    between = rotations[2:] @ np.swapaxes(rotations[:-2], -1, -2)
-    skew = 0.5 * (between - np.swapaxes(between, -1, -2))
-    axis = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, 0.5 * (np.trace(between, axis1=-2, axis2=-1)[..., None] - 1.0))
-    return axis * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0) / (2.0 * step)
 
 
 def high_frequency_share(velocity: Array, step: float) -> float:

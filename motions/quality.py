@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.body import lowest_body_point
-from kine2go_warp.motions.cycle import extend_cyclically
-from kine2go_warp.motions.fidelity import Fidelity, measure
+from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.retarget import Retargeted
 from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import RobotSpec
@@ -63,9 +62,10 @@ class ClipQuality:
 def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
     """Return the figures of a clip."""
     clip = retargeted.clip
-    longer = extend_cyclically(clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, 0, 1)
+    longer = clip.extended(0, 1)
+    assert longer.joints is not None and clip.fidelity is not None
     rotation = to_rotation(longer.root_orientation).as_matrix()
-    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, longer.channels)) + longer.root_position[:, None]
+    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, longer.joints)) + longer.root_position[:, None]
     steps = np.linalg.norm(np.diff(feet, axis=0), axis=-1)
     planar = np.linalg.norm(np.diff(feet[..., :2], axis=0), axis=-1) / clip.frame_duration
     stance = clip.stance > 0.5
@@ -93,7 +93,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         slow_down=clip.slow_down,
         start=clip.origin.start,
         end=clip.origin.end,
-        fidelity=measure(clip, retargeted.motion, spec),
+        fidelity=clip.fidelity,
     )
 
 

@@ -25,7 +25,10 @@ def write_json(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]], 
             known = {row["name"]: row for row in json.loads(path.read_text())}
         except (ValueError, TypeError, KeyError):
             known = {}
-    known |= {quality.name: {**asdict(quality), "remarks": remarks[quality.name]} for quality in qualities}
+    known |= {
+        quality.name: {**asdict(quality), "fidelity": quality.fidelity.as_json(), "remarks": remarks[quality.name]}
+        for quality in qualities
+    }
     content = [known[name] for name in sorted(known)]
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n")
@@ -66,7 +69,7 @@ def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str
     """Return all figures as a table in Markdown."""
     headings = [heading for heading, _ in COLUMNS]
     rows = [
-        [cell(quality).replace("nan", "") for _, cell in COLUMNS] + ["; ".join(remarks[quality.name])]
+        [*(cell(quality).replace("nan", "") for _, cell in COLUMNS), "; ".join(remarks[quality.name])]
         for quality in qualities
     ]
     table = [[*headings, "remarks"], ["---"] * (len(COLUMNS) + 1), *rows]

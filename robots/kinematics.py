@@ -80,3 +80,27 @@ def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: floa
     turning = np.asarray(angular_velocity)
     rolling = np.stack([-turning[..., 1], turning[..., 0], np.zeros_like(turning[..., 0])], axis=-1)
     return np.asarray(foot_velocity) + radius * rolling
+
+
+def leg_angles(spec: RobotSpec, feet_b: Array) -> Array:
+    """Return the joint positions that put the feet somewhere, knees bent backwards [rad], shape [..., 12].
+
+    Feet out of reach are taken to lie on the edge of the reach, in the same direction; limits are not looked at. The
+    thigh joint must lie beside the hip joint, as the Go2's does.
+
+    Args:
+        spec: The robot.
+        feet_b: Foot centres in the base frame [m], shape [..., 4, 3].
+    """
+    angles = np.empty((*np.shape(feet_b)[:-1], 3))
+    for index, leg in enumerate(spec.legs):
+        x, y, z = np.moveaxis(feet_b[..., index, :] - np.array(leg.hip_offset), -1, 0)
+        width, thigh, calf = leg.thigh_offset[1], leg.thigh_length, leg.calf_length
+        down = np.sqrt(np.maximum(y**2 + z**2 - width**2, 1e-12))
+        roll = np.arctan2(z, y) - np.arctan2(-down, width)
+        cosine = (x**2 + down**2 - thigh**2 - calf**2) / (2.0 * thigh * calf)
+        knee = -np.arccos(np.clip(cosine, -1.0, 1.0))
+        pitch = np.arctan2(-x, down) - np.arctan2(calf * np.sin(knee), thigh + calf * np.cos(knee))
+        roll = (roll + np.pi) % (2.0 * np.pi) - np.pi
+        angles[..., index, :] = np.stack([roll, pitch, knee], axis=-1)
+    return angles.reshape(*angles.shape[:-2], 12)

@@ -14,7 +14,7 @@ from rich.table import Table
 from kine2go_warp.device import start_warp
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
-from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.motions.poses import Poses
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -154,7 +154,7 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
     console().print(table)
 
 
-def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTargets, file: Path) -> None:
+def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: Poses, file: Path) -> None:
     """Print the best ranges of a motion."""
     table = Table(title=f"{file}: best cycles", title_justify="left")
     for heading in ("start", "end", "frames", "duration", "way", "seam score"):
