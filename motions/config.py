@@ -17,10 +17,10 @@ class RetargetConfig:
     """Time on either side of a cycle's seam over which it is blended [s]."""
     smoothing: float = 0.02
     """Standard deviation of the filter on the base's motion [s]."""
-    stance_height: float = 0.2
+    stance_height: float = 0.25
     """A foot lower than this share of its swings nearby may stand; it is lifted when it exceeds twice as much."""
     stance_speed: float = 0.2
-    """A foot slower than this share of its swings nearby may stand; it is lifted at 1.6 times that."""
+    """A foot slower than this share of its swings nearby may stand; it is lifted at 1.4 times that."""
     swing_clearance: float = 0.015
     """Least height of a foot in the middle of a swing [m], or the animal's own where that is lower."""
     knee_margin: float = 0.06

@@ -76,17 +76,19 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
     """
     poses = poses.recentred()
     yaw = np.unwrap(heading(poses.root_orientation))
-    (x, y, _), turn = poses.root_position[num_frames], float(yaw[num_frames])
-    cycle = CycleStep(float(x), float(y), float(wrap_angle(turn)))
     value, slope = seam_weights(num_frames, blend_frames), seam_slopes(num_frames, blend_frames)
     # The last frames as the next cycle sees them, so that they can be compared with the first ones.
-    following = cycle.repeated(-1).apply(poses.frames(num_frames, num_frames + 2))
-    first = poses.frames(0, 2)
-
-    moved = np.diff(following.root_position, axis=0)[0] - np.diff(first.root_position, axis=0)[0]
-    before = np.arange(num_frames) > num_frames // 2
-    shift = slope[:, None] * np.where(before[:, None], turn_planar(moved, cycle.yaw), moved)
-    shift[:, 2] += value * (following.root_position[0, 2] - first.root_position[0, 2])
+    following = poses.frames(num_frames, num_frames + 2).recentred().root_position
+    velocity = np.diff(following, axis=0)[0] - np.diff(poses.root_position[:2], axis=0)[0]
+    position = poses.root_position[: num_frames + 1].copy()
+    position[:, 2] += np.append(value, -0.5) * (following[0, 2] - position[0, 2]) + np.append(slope, 0.0) * velocity[2]
+    after, before = seam_distances(np.arange(num_frames) + 0.5, num_frames, blend_frames)
+    gained = 0.5 * np.outer(_fade(after), velocity[:2]) - 0.5 * np.outer(
+        _fade(before), turn_planar(velocity[:2], yaw[num_frames])
+    )
+    position[1:, :2] += np.cumsum(gained, axis=0)
+    cycle = CycleStep(float(position[-1, 0]), float(position[-1, 1]), float(wrap_angle(yaw[num_frames])))
+    position = position[:-1]
 
     tilts = yaw_rotation(-yaw) * to_rotation(poses.root_orientation)
     at, after = tilts[num_frames : num_frames + 2], tilts[:2]
@@ -96,7 +98,6 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
     yaw_rate = (yaw[num_frames + 1] - yaw[num_frames]) - (yaw[1] - yaw[0])
     aim = yaw[:num_frames] + slope * yaw_rate
     orientation = yaw_rotation(aim - heading(from_rotation(blended))) * blended
-    position = poses.root_position[:num_frames] + shift
 
     joints = feet = None
     if poses.joints is not None:
@@ -111,7 +112,7 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
 
 def seam_weights(num_frames: int, blend_frames: float) -> Array:
     """Return how much of the seam is added to each frame: +1/2 at frame 0, towards -1/2 just before the next cycle."""
-    after, before = seam_distances(num_frames, blend_frames)
+    after, before = seam_distances(np.arange(num_frames), num_frames, blend_frames)
     return 0.5 * (_fade(after) - _fade(before))
 
 
@@ -120,20 +121,19 @@ def seam_slopes(num_frames: int, blend_frames: float) -> Array:
 
     Times a difference of velocity a frame, it closes that difference and moves nothing beyond the blend.
     """
-    reach = blend_reach(num_frames, blend_frames)
-    near = np.minimum(np.minimum(*seam_distances(num_frames, blend_frames)), 1.0)
-    return 0.5 * reach * near * (1.0 - near) ** 2
+    near = np.minimum(*seam_distances(np.arange(num_frames), num_frames, blend_frames))
+    return 0.5 * blend_reach(num_frames, blend_frames) * near * np.maximum(1.0 - near, 0.0) ** 2
 
 
 def blend_reach(num_frames: int, blend_frames: float) -> float:
-    """Return how far the seam is spread: no further than half the cycle [frames]."""
-    return max(min(blend_frames, num_frames // 2), 1.0)
+    """Return how far the seam is spread: no further than a third of the cycle [frames]."""
+    return max(min(blend_frames, num_frames / 3.0), 1.0)
 
 
-def seam_distances(num_frames: int, blend_frames: float) -> tuple[Array, Array]:
-    """Return how far each frame is behind and before the seam, in parts of the reach of the blend."""
-    frames, reach = np.arange(num_frames), blend_reach(num_frames, blend_frames)
-    return frames / reach, (num_frames - frames) / reach
+def seam_distances(places: Array, num_frames: int, blend_frames: float) -> tuple[Array, Array]:
+    """Return how far places [frames] are behind and before the seam, in parts of the reach of the blend."""
+    reach = blend_reach(num_frames, blend_frames)
+    return places / reach, (num_frames - places) / reach
 
 
 def _fade(distance: Array) -> Array:

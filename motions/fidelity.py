@@ -1,8 +1,8 @@
 """How truly a clip moves as the animal does, measured by other rules than those that made the clip.
 
 Contacts are found here by speed alone, in the source and in the clip alike; the feet of a clip are held by labels that
-follow height and speed (``stance.py``). The trunk line runs from the middle of the hips to the middle of the shoulders;
-the base of a clip follows pelvis and neck (``targets.py``).
+follow height and speed (``stance.py``). Pitch is that of the line from the middle of the hips to the middle of the
+shoulders; the base of a clip follows pelvis and neck (``targets.py``).
 """
 
 from dataclasses import asdict, dataclass
@@ -129,7 +129,7 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
     front, hind = (
         swing_share(bottom[:, legs], toes[within][:, legs, 2], contact[:, legs]) for legs in ([0, 1], [2, 3])
     )
-    trunk = near.points("hip").mean(axis=1)
+    trunk = 0.5 * (near.point("pelvis") + near.point("neck"))
     slip = floor_speeds(clip, feet[margin - 1 : margin + clip.num_frames + 1], rotation, poses.joints, margin, spec)
     accelerations = horizontal_acceleration(poses.root_position, clip.frame_duration)[middle]
     at_seam = near_seam(clip.num_frames, clip.frame_duration)

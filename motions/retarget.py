@@ -28,14 +28,14 @@ from kine2go_warp.motions.keypoints import KeypointMotion
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
-from kine2go_warp.motions.stance import detect_stance, hold_feet, without_short_runs
+from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, standing_height
 from kine2go_warp.robots import RobotSpec
 
 Array = NDArray[np.float64]
 
 MARGIN_TIME = 1.0
-"""A cycle is continued by itself, but by this at least, on either side while it is cleaned, so that no stance is cut
+"""A cycle is continued by this and by its longest stance on either side while it is cleaned, so that no stance is cut
 and filters see no ends [s]."""
 SOLVED_MARGIN = 0.25
 """How far beyond the cycle joints are solved for [s]."""
@@ -78,7 +78,7 @@ class Retargeted:
 
     clip: MotionClip
     source_path_length: float
-    """Length of the base's path in the ground plane according to the source, scaled [m]."""
+    """Length of the base's path in the ground plane according to the source, scaled and smoothed [m]."""
     seam_score: float
     """Distance between first frame and the one after the last in the source, in standard deviations of the motion; NaN
     where the file ends with the range."""
@@ -107,27 +107,38 @@ def retarget(
         start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
     origin = entry.origin(path, start, end, motion.rate)
     time_scale = source.scale**0.5 if config.time_scale == "froude" else config.time_scale
-    selected = select(entry.name, targets, origin, time_scale, solver.spec, config)
+    scaled = motion.scaled(source.scale)
+    selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip = make(selected, solver, config)
-    scaled = motion.scaled(source.scale)
     keypoints = keypoints_of(clip, scaled, targets, start, end)
     clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
-    steps = np.linalg.norm(np.diff(targets.root_position[start : end + 1, :2], axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
     return Retargeted(clip, float(steps.sum()), score)
 
 
 def select(
-    name: str, targets: Poses, origin: ClipOrigin, time_scale: float, spec: RobotSpec, config: RetargetConfig
+    name: str,
+    targets: Poses,
+    toes: Array,
+    origin: ClipOrigin,
+    time_scale: float,
+    spec: RobotSpec,
+    config: RetargetConfig,
 ) -> SelectedRange:
-    """Cut a range out of a motion, its base smoothed and its stances detected with what lies around it."""
+    """Cut a range out of a motion, its base smoothed and its stances detected with what lies around it.
+
+    The animal's toes tell when a foot stands: the robot's feet are farther apart, so that a turn moves them.
+    """
     step, start, end = 1.0 / origin.source_rate, origin.start, origin.end
     context = round(CONTEXT / step)
     first = max(start - context, 0)
     near = targets.frames(first, end + context)
     assert near.feet is not None
-    stance = detect_stance(near.feet - [0.0, 0.0, spec.foot_radius], step, config)
+    heights = near.feet[..., 2:] - spec.foot_radius
+    planar = toes[first : first + len(near), :, :2]
+    stance = detect_stance(np.concatenate([planar, heights], axis=-1), step, config)
     if config.mode == "contact":
         position, orientation = smooth_root(near.root_position, near.root_orientation, config.smoothing / step)
         near = replace(near, root_position=position, root_orientation=orientation)
@@ -166,7 +177,7 @@ def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config
     """
     frame_duration, num_frames = selected.frame_duration, selected.num_frames
     closed, cycle = close_cycle(selected.targets, num_frames, config.blend_time / frame_duration)
-    margin = max(num_frames, round(MARGIN_TIME / frame_duration))
+    margin = round(MARGIN_TIME / frame_duration) + longest_stance(selected.stance)
     longer = extend_cyclically(closed, cycle, margin, margin)
     stance = selected.stance[np.arange(-margin, num_frames + margin) % num_frames]
     longer, stance = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
@@ -179,6 +190,12 @@ def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config
     poses = solved.frames(middle.start, middle.stop).recentred()
     clip = clip_of(selected, poses, stance[margin : margin + num_frames], residual[middle], step, solver.spec)
     return slowed_to_motors(clip, solver.spec)
+
+
+def longest_stance(stance: NDArray[np.bool_]) -> int:
+    """Return how long a foot stands at most, on and on over the seam [frames]; at most one cycle."""
+    runs = [run for foot in np.concatenate([stance, stance]).T for run in intervals(foot)]
+    return min(max((run.last - run.first + 1 for run in runs), default=0), len(stance))
 
 
 def clip_of(

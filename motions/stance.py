@@ -19,7 +19,7 @@ NEARBY = 0.5
 """Height and speed of a foot's own swings are looked for this far on either side [s]."""
 LOWEST_SWING, SLOWEST_SWING = 0.01, 0.3
 """A swing is taken to be at least this high [m] and this fast [m/s], so that noise of a standing foot is none."""
-FADE = 0.3
+FADE = 0.2
 """Share of a swing within which heights give way to the floor after lift-off and before touch-down."""
 PROJECTIONS = 40
 """How often a foothold is moved into reach of the frame that lacks most."""
@@ -33,6 +33,11 @@ class Interval:
 
     first: int
     last: int
+
+    @property
+    def frames(self) -> slice:
+        """The frames as a slice."""
+        return slice(self.first, self.last + 1)
 
 
 @dataclass(frozen=True)
@@ -66,12 +71,15 @@ def detect_stance(feet: Array, frame_duration: float, config: RetargetConfig) ->
         config: Thresholds.
     """
     size = 2 * round(NEARBY / frame_duration) + 1
-    speed = np.linalg.norm(np.gradient(feet[..., :2], frame_duration, axis=0), axis=-1)
+    velocity = np.gradient(feet, frame_duration, axis=0)
+    speed = np.linalg.norm(velocity[..., :2], axis=-1)
     height = feet[..., 2]
     fast = config.stance_speed * np.maximum(maximum_filter1d(speed, size, axis=0, mode="nearest"), SLOWEST_SWING)
     high = config.stance_height * np.maximum(maximum_filter1d(height, size, axis=0, mode="nearest"), LOWEST_SWING)
-    enters = (height < high) & (speed < fast)
-    leaves = (height > 2.0 * high) | (speed > 1.6 * fast)
+    # A toe that rests on its tip or on a rise is higher than others, but moves in no direction.
+    rests = (height < 2.5 * high) & (np.linalg.norm(velocity, axis=-1) < 0.5 * fast)
+    enters = ((height < high) & (speed < fast)) | rests
+    leaves = ((height > 2.0 * high) | (speed > 1.4 * fast)) & ~rests
     stance = np.empty(enters.shape, dtype=bool)
     standing = enters[0]
     for frame in range(len(feet)):
@@ -113,19 +121,20 @@ def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: R
         path, raw, roll = held[:, foot], feet[:, foot], rolling[:, foot]
         radius = reach.radius(foot, np.full(len(feet), -reach.give))
         under_hip = reach.hips[:, foot, :2]
-        runs = []
+        runs, low = [], []
         for run in intervals(stance[:, foot]):
-            frames = slice(run.first, run.last + 1)
-            foothold = np.median(raw[frames, :2] - roll[frames], axis=0)
-            foothold, stands = _within_reach(foothold, under_hip[frames] - roll[frames], radius[frames])
-            stands = Interval(run.first + stands.first, run.first + stands.last)
-            kept[frames, foot] = False
-            frames = slice(stands.first, stands.last + 1)
-            kept[frames, foot] = True
-            path[frames, :2], path[frames, 2] = foothold + roll[frames], 0.0
-            runs.append(stands)
-        for last, following in zip(runs[:-1], runs[1:], strict=True):
-            _bridge(path, raw, last, following, config.swing_clearance)
+            rolled = roll[run.frames]
+            foothold = np.median(raw[run.frames, :2] - rolled, axis=0)
+            foothold, first, last = _within_reach(foothold, under_hip[run.frames] - rolled, radius[run.frames])
+            kept[run.frames, foot] = False
+            low.append(np.median(raw[run.frames, 2]))
+            run = Interval(run.first + first, run.first + last)  # noqa: PLW2901
+            kept[run.frames, foot] = True
+            path[run.frames, :2], path[run.frames, 2] = foothold + roll[run.frames], 0.0
+            runs.append(run)
+        for index in range(len(runs) - 1):
+            swing = slice(runs[index].last, runs[index + 1].first + 1)
+            _bridge(path[swing], raw[swing], low[index : index + 2], config.swing_clearance)
         if runs:
             # Before the first and after the last stance the foothold's correction simply goes on.
             first, last = runs[0].first, runs[-1].last
@@ -136,8 +145,8 @@ def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: R
     return held, kept
 
 
-def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Array, Interval]:
-    """Return the foothold next to the one given that is within a radius of all places, and during which frames it is.
+def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Array, int, int]:
+    """Return the foothold next to the one given that is in reach of all places; then the first and last that reach it.
 
     Repeated projection onto the disc that is farthest away finds the nearest common point of discs, near enough.
     """
@@ -158,35 +167,38 @@ def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Arr
             first += 1
         else:
             last -= 1
-    return foothold, Interval(first, last)
+    return foothold, first, last
 
 
-def _bridge(path: Array, raw: Array, before: Interval, after: Interval, clearance: float) -> None:
+def _bridge(path: Array, own: Array, low: list[Array], clearance: float) -> None:
     """Fill the swing between two stances: the animal's own path plus a correction that fades from one into the other.
 
     In the plane it fades over the whole swing. Heights are over a line through the animal's standing heights before and
     after, and keep what lift-off and touch-down add only at the ends of the swing, so that its middle is the animal's.
+
+    Args:
+        path: To be filled between its first and its last frame, which stand [m], shape [num_frames, 3].
+        own: The animal's own path [m], the same shape.
+        low: How high the animal's foot stands before and after [m].
+        clearance: Least height in the middle, unless the animal's is lower [m].
     """
-    start, end = before.last, after.first
-    share = np.linspace(0.0, 1.0, end - start + 1)
+    share = np.linspace(0.0, 1.0, len(path))
     smooth = _smoothstep(share)[:, None]
-    own = raw[start : end + 1]
-    corrected = own + (path[start] - raw[start]) * (1.0 - smooth) + (path[end] - raw[end]) * smooth
-    low = [np.median(raw[one.first : one.last + 1, 2]) for one in (before, after)]
+    corrected = own + (path[0] - own[0]) * (1.0 - smooth) + (path[-1] - own[-1]) * smooth
     height = own[:, 2] - (low[0] * (1.0 - share) + low[1] * share)
-    height -= height[0] * _smoothstep(1.0 - share / FADE) + height[-1] * _smoothstep(1.0 - (1.0 - share) / FADE)
+    height -= height[0] * _smoothstep(1.0 - share / FADE) + height[-1] * _smoothstep(1.0 - share[::-1] / FADE)
     least = min(clearance, max(float(height.max()), 0.0))
     corrected[:, 2] = np.maximum(height, least * np.sin(np.pi * share) ** 2)
-    path[start + 1 : end] = corrected[1:-1]
+    path[1:-1] = corrected[1:-1]
 
 
 def _pull_in(path: Array, stands: Mask, under_hip: Array, radius: Array) -> None:
-    """Pull a swinging foot in the plane to where its leg reaches it, not at once beside a stance."""
+    """Pull a swinging foot in the plane to where its leg reaches it."""
     offset = path[:, :2] - under_hip
     distance = np.linalg.norm(offset, axis=1)
     lack = np.maximum(distance - radius, 0.0)
     for run in intervals(~stands & (lack > 0.0)):
-        swing = slice(run.first, run.last + 1)
+        swing = run.frames
         path[swing, :2] -= offset[swing] * (lack[swing] / np.maximum(distance[swing], 1e-9))[:, None]
 
 
