@@ -22,7 +22,7 @@ class Quality:
         from kine2go_warp.cli.tables import print_distributions
         from kine2go_warp.dataset.reader import motion_names, read_motion
         from kine2go_warp.errors import DatasetError
-        from kine2go_warp.rollouts.distributions import distributions, draw_distributions
+        from kine2go_warp.scores.distributions import distributions, draw_distributions
 
         names = list(self.motions) or motion_names(self.dataset)
         if not names:

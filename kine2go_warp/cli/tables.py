@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from kine2go_warp.dataset.summary import MotionSummary
     from kine2go_warp.motions.fetch import FileState
     from kine2go_warp.motions.quality import ClipQuality
-    from kine2go_warp.rollouts.distributions import Distribution
     from kine2go_warp.rollouts.gather import GatherResult
     from kine2go_warp.rollouts.replay import ReplayResult
+    from kine2go_warp.scores.distributions import Distribution
 
 PACKAGES = (
     "kine2go-warp",

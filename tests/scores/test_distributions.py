@@ -6,8 +6,8 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.distributions import distributions
 from kine2go_warp.rollouts.gather import gather
+from kine2go_warp.scores.distributions import distributions
 from tests.conftest import ANYTHING_GOES
 
 

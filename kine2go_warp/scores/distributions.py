@@ -7,11 +7,11 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from kine2go_warp.dataset.doubt import LIMITS
 from kine2go_warp.dataset.reader import read_motion
-from kine2go_warp.dataset.schema import QUALITY_ARRAYS, REJECTED
+from kine2go_warp.dataset.schema import REJECTED
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.rollouts.quality import LIMITS
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,9 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
     """
     data = read_motion(path, motion)
     settings = data.attributes.get("gather_settings")
-    if not isinstance(settings, dict) or any(setting not in settings for _, setting, _ in LIMITS):
+    if not isinstance(settings, dict) or any(limit.setting not in settings for limit in LIMITS):
         raise DatasetError(f"{path}/{motion}: does not tell the limits it was filtered by; gather it again")
     group = zarr.open_group(path / motion, mode="r")
-    units = {array.name: array.unit for array in QUALITY_ARRAYS}
 
     def rejected(name: str) -> NDArray:
         if REJECTED not in group:
@@ -52,8 +51,10 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
 
     quality = data.trajectories.groups["quality"]
     return [
-        Distribution(name, units[name], float(settings[setting]), quality[name], rejected(name))
-        for name, setting, _ in LIMITS
+        Distribution(
+            limit.figure, limit.unit, float(settings[limit.setting]), quality[limit.figure], rejected(limit.figure)
+        )
+        for limit in LIMITS
     ]
 
 
