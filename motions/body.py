@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.rotations import continuous, to_rotation, turn_between
-from kine2go_warp.motions.stance import Reach
+from kine2go_warp.motions.stance import Reach, intervals
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import leg_angles, leg_points, shank_rotations
 
@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 
 RAMP = 0.08
 """Time over which the base gives way to a limit before and after it [s]."""
+
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+LEAD = 0.08
+"""Time over which the slopes of a flight are led into the stances beside it [s]."""
 
 
 def smooth_root(position: Array, orientation: Array, frames: float) -> tuple[Array, Array]:
@@ -114,6 +120,43 @@ def fit_height(spec: RobotSpec, poses: Poses, frame_duration: float, config: Ret
         if np.any(needed != 0.0):
             fitted[:, 2] += smooth_shift(needed, frames)
     return replace(poses, root_position=fitted)
+
+
+def fly(poses: Poses, stance: NDArray[np.bool_], fall: float, frame_duration: float) -> Poses:
+    """Return poses whose base follows a parabola while no foot stands; the feet in the air follow it.
+
+    The parabola joins the heights of lift-off and landing. Its slopes there are led into the stances beside it.
+
+    Args:
+        poses: With feet.
+        stance: Whether each foot stands, shape [num_frames, 4].
+        fall: Acceleration of a falling body, downwards [m / frame^2].
+        frame_duration: [s]
+    """
+    assert poses.feet is not None
+    height = poses.root_position[:, 2]
+    slope, lead = np.gradient(height), max(round(LEAD / frame_duration), 1)
+    shift, lifted = np.zeros(len(height)), np.zeros(len(height))
+    for flight in intervals(~stance.any(axis=1)):
+        first, last = flight.first - 1, flight.last + 1
+        if first < lead or last + lead >= len(height):
+            continue
+        span = last - first
+        air = np.arange(1, span)
+        parabola = height[first] + (height[last] - height[first]) * air / span + 0.5 * fall * air * (span - air)
+        lifted[flight.frames] = parabola - height[flight.frames]
+        mean = (height[last] - height[first]) / span
+        ramp = np.arange(1, lead) * (1.0 - np.arange(1, lead) / lead) ** 2
+        shift[first - lead + 1 : first] -= (mean + 0.5 * fall * span - slope[first]) * ramp[::-1]
+        shift[last + 1 : last + lead] += (mean - 0.5 * fall * span - slope[last]) * ramp
+    # Where a stance is shorter than the lead, the next flight begins with nothing of the last one.
+    shift[~stance.any(axis=1)] = 0.0
+    up = np.array([0.0, 0.0, 1.0])
+    return replace(
+        poses,
+        root_position=poses.root_position + np.outer(shift + lifted, up),
+        feet=poses.feet + lifted[:, None, None] * up,
+    )
 
 
 def joints_for(spec: RobotSpec, poses: Poses) -> Array:

@@ -69,7 +69,8 @@ class Fidelity:
     other_acceleration: float
     """Its 99th percentile elsewhere [m/s^2]."""
     animal_acceleration: float
-    """Greatest horizontal acceleration of the animal's trunk within 0.1 s of the two ends of the range [m/s^2]."""
+    """Greatest horizontal acceleration of the animal's trunk within 0.1 s of the two ends of the range, in the clip's
+    time [m/s^2]."""
     seam_shift: float
     """By what share of a stride the animal's legs at the end of the range are off those at its beginning; 0.5 is half a
     stride."""
@@ -144,7 +145,7 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
         base_dip=dip(clip.root_position[:, 2], trunk[within, 2]),
         seam_acceleration=float(accelerations[at_seam].max()),
         other_acceleration=float(np.quantile(accelerations[~at_seam], 0.99)) if np.any(~at_seam) else float("nan"),
-        animal_acceleration=animal_acceleration(trunk, within, step),
+        animal_acceleration=animal_acceleration(trunk, within, step) * (step / clip.frame_duration) ** 2,
         seam_shift=seam_shift(near, before, before + end - start),
         contact_slip=float(slip.mean()) if slip.size else 0.0,
         contact_slip_95=float(np.quantile(slip, 0.95)) if slip.size else 0.0,

@@ -9,6 +9,7 @@ import numpy as np
 
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.quality import ClipQuality
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
@@ -25,10 +26,9 @@ def write_json(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]], 
             known = {row["name"]: row for row in json.loads(path.read_text())}
         except (ValueError, TypeError, KeyError):
             known = {}
-    known |= {
-        quality.name: {**asdict(quality), "fidelity": quality.fidelity.as_json(), "remarks": remarks[quality.name]}
-        for quality in qualities
-    }
+    for quality in qualities:
+        row = {**asdict(quality), "fidelity": quality.fidelity.as_json(), "remarks": remarks[quality.name]}
+        known[quality.name] = row
     content = [known[name] for name in sorted(known)]
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n")
@@ -76,6 +76,18 @@ def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str
     return "\n".join(f"| {' | '.join(row)} |" for row in table) + "\n"
 
 
+def described(fidelity: Fidelity | None) -> str:
+    """Return the most telling metrics in a line."""
+    if fidelity is None:
+        return ""
+    return (
+        f"trunk pitch {fidelity.trunk_pitch:+.1f} deg, swing height {fidelity.swing_front:.2f} front and "
+        f"{fidelity.swing_hind:.2f} hind, duty {fidelity.duty:+.3f}, base height r {fidelity.height_correlation:.2f}, "
+        f"seam {fidelity.seam_acceleration:.1f} m/s$^2$ (elsewhere {fidelity.other_acceleration:.1f}), "
+        f"slip {fidelity.contact_slip:.3f} m/s"
+    )
+
+
 def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:
     """Draw a clip on one page: foot heights with stance bars, joints against their limits, the path from above."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -83,7 +95,7 @@ def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:
 
     figure = Figure(figsize=(12, 8), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(f"{clip.name}: {clip.num_frames} frames, {clip.period:.2f} s")
+    figure.suptitle(f"{clip.name}: {clip.num_frames} frames, {clip.period:.2f} s\n{described(clip.fidelity)}")
     grid = figure.add_gridspec(3, 2)
     time = np.arange(clip.num_frames) * clip.frame_duration
     heights = figure.add_subplot(grid[0, 0])

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.body import (
+    GRAVITY,
     fit_height,
+    fly,
     joints_for,
     leg_reach,
     lowest_body_point,
@@ -181,6 +183,8 @@ def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config
     longer = extend_cyclically(closed, cycle, margin, margin)
     stance = selected.stance[np.arange(-margin, num_frames + margin) % num_frames]
     longer, stance = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
+    if config.time_scale == "froude":
+        longer = fly(longer, stance, GRAVITY * (selected.time_scale * frame_duration) ** 2, frame_duration)
     longer = fit_height(solver.spec, longer, frame_duration, config)
     first = round(SOLVED_MARGIN / frame_duration)
     around = longer.frames(margin - first, margin + num_frames + first)

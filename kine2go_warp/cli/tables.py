@@ -133,22 +133,24 @@ def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engi
 
 
 def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:
-    """Print the figures of retargeted clips."""
+    """Print the metrics of retargeted clips."""
     table = Table(title=str(folder), title_justify="left")
-    headings = ("clip", "frames", "period", "speed", "residual", "below floor", "slip", "limits", "seam", "remarks")
+    headings = ("clip", "frames", "period", "speed", "pitch", "swings", "duty", "height", "seam", "slip", "remarks")
     for heading in headings:
         table.add_column(heading, justify="left" if heading in ("clip", "remarks") else "right")
     for row in qualities:
+        ours = row.fidelity
         table.add_row(
             row.name,
             f"{row.start}-{row.end}",
             f"{row.period:.2f} s",
             f"{row.speed:.2f} m/s",
-            f"{1e3 * row.residual:.2f} mm",
-            f"{1e3 * row.penetration:.1f} mm",
-            f"{row.stance_slip:.3f} m/s",
-            f"{row.joint_margin:.2f} rad",
-            f"{row.seam_jump:.2f}",
+            f"{ours.trunk_pitch:+.1f} deg",
+            f"{ours.swing_front:.2f} {ours.swing_hind:.2f}",
+            f"{ours.duty:+.3f}",
+            f"r {ours.height_correlation:.2f}",
+            f"{ours.seam_acceleration:.1f} m/s^2",
+            f"{ours.contact_slip:.3f} m/s",
             "; ".join(remarks[row.name]),
         )
     console().print(table)
