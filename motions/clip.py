@@ -114,7 +114,7 @@ class MotionClip:
         from scipy.spatial.transform import Slerp
 
         num_frames = max(round(self.period * rate), 3)
-        time = np.arange(num_frames) * (self.period / num_frames)
+        time = np.arange(num_frames, dtype=np.float64) * (self.period / num_frames)
         margin = 4
         longer = self.extended(margin, margin)
         known = np.arange(-margin, self.num_frames + margin) * self.frame_duration

@@ -75,7 +75,7 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
         The recentred cycle and the displacement of one period.
     """
     poses = poses.recentred()
-    yaw = np.unwrap(heading(poses.root_orientation))
+    yaw: Array = np.unwrap(heading(poses.root_orientation)).astype(np.float64)
     value, slope = seam_weights(num_frames, blend_frames), seam_slopes(num_frames, blend_frames)
     # The last frames as the next cycle sees them, so that they can be compared with the first ones.
     following = poses.frames(num_frames, num_frames + 2).recentred().root_position
@@ -112,7 +112,7 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
 
 def seam_weights(num_frames: int, blend_frames: float) -> Array:
     """Return how much of the seam is added to each frame: +1/2 at frame 0, towards -1/2 just before the next cycle."""
-    after, before = seam_distances(np.arange(num_frames), num_frames, blend_frames)
+    after, before = seam_distances(np.arange(num_frames, dtype=np.float64), num_frames, blend_frames)
     return 0.5 * (_fade(after) - _fade(before))
 
 
@@ -121,7 +121,7 @@ def seam_slopes(num_frames: int, blend_frames: float) -> Array:
 
     Times a difference of velocity a frame, it closes that difference and moves nothing beyond the blend.
     """
-    near = np.minimum(*seam_distances(np.arange(num_frames), num_frames, blend_frames))
+    near = np.minimum(*seam_distances(np.arange(num_frames, dtype=np.float64), num_frames, blend_frames))
     return 0.5 * blend_reach(num_frames, blend_frames) * near * np.maximum(1.0 - near, 0.0) ** 2
 
 

@@ -135,7 +135,7 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
     accelerations = horizontal_acceleration(poses.root_position, clip.frame_duration)[middle]
     at_seam = near_seam(clip.num_frames, clip.frame_duration)
     knees = clip.joint_position[:, 2::3]
-    flying = ~clip_contact.any(axis=1)
+    flying = np.all(~clip_contact, axis=1)
     return Fidelity(
         trunk_pitch=float(np.mean(base_pitch(clip) - trunk_pitch(near.frames(within.start, within.stop)))),
         swing_front=front,

@@ -91,7 +91,7 @@ def detect_stance(feet: Array, frame_duration: float, config: RetargetConfig) ->
 def without_short_runs(stance: Mask, frame_duration: float) -> Mask:
     """Return the same without swings and stances that are too short to be any, but for those at the ends."""
     stance = stance.copy()
-    for foot in range(stance.shape[1]):
+    for foot in range(4):
         _drop_short(stance[:, foot], False, SHORTEST_SWING / frame_duration)
         _drop_short(stance[:, foot], True, SHORTEST_STANCE / frame_duration)
     return stance

@@ -68,7 +68,7 @@ def bench_watching(
             runner.train(runner.current_learning_iteration + iterations, iteration_done)
             time.sleep(SETTLE)
             efforts[is_watched].append((time.process_time() - before) / iterations)
-            return len(times) * preset.env.num_worlds * preset.ppo.steps_per_iteration / sum(times)
+            return len(times) * preset.env.num_worlds * preset.ppo.num_steps_per_env / sum(times)
 
         block(WARM_UP, True)
         efforts[True].clear()

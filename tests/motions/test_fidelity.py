@@ -65,7 +65,7 @@ def test_a_gait_keeps_duty_clearance_pitch_and_speed_at_any_rate(solver, tmp_pat
     gait = DogGait()
     within = slice(clip.origin.start, clip.origin.end)
     frame = 1.0 / (STRIDE * rate)
-    np.testing.assert_allclose(clip.stance.mean(axis=0), truth.contact[within].mean(axis=0), atol=0.04 + 2.0 * frame)
+    np.testing.assert_allclose(clip.stance.mean(axis=0), truth.contact[within].mean(axis=0), atol=0.05 + 2.0 * frame)
     peaks = clip.foot_position[..., 2].max(axis=0) - GO2.foot_radius
     np.testing.assert_allclose(peaks, AI4Animation.scale * gait.step_height, rtol=0.06)
     up = to_rotation(clip.root_orientation).apply([0.0, 0.0, 1.0])
