@@ -9,10 +9,10 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.rotations import continuous, to_rotation, turn_between
 from kine2go_warp.motions.stance import Reach, intervals
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import leg_angles, leg_points, shank_rotations
+from kine2go_warp.rotations import continuous, to_rotation, turn_between
 
 Array = NDArray[np.float64]
 

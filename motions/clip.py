@@ -13,10 +13,10 @@ from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.rotations import from_rotation, to_rotation
 from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import from_rotation, to_rotation
 
 Array = NDArray[np.float64]
 

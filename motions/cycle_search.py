@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.rotations import heading, to_rotation, turn_planar
+from kine2go_warp.rotations import heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.signedinteger]

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import to_rotation, turn_between, turn_planar
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import contact_velocity, foot_positions, shank_rotations
+from kine2go_warp.rotations import to_rotation, turn_between, turn_planar
 
 if TYPE_CHECKING:
     from kine2go_warp.motions.clip import MotionClip

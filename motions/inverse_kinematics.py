@@ -5,8 +5,8 @@ import placo  # pyright: ignore[reportMissingImports] - a compiled module
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.rotations import continuous, to_rotation
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import continuous, to_rotation
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.rotations import continuous, from_rotation, heading, to_rotation, turn_planar, yaw_rotation
+from kine2go_warp.rotations import continuous, from_rotation, heading, to_rotation, turn_planar, yaw_rotation
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.body import lowest_body_point
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.retarget import Retargeted
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,8 @@ class ClipQuality:
     """Range of source frames that was used."""
     fidelity: Fidelity
     """How truly it moves as the animal does."""
+    source_remarks: tuple[str, ...] = ()
+    """What was repaired in the file."""
 
 
 def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
@@ -91,6 +93,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         start=clip.origin.start,
         end=clip.origin.end,
         fidelity=clip.fidelity,
+        source_remarks=retargeted.remarks,
     )
 
 
@@ -102,7 +105,7 @@ def seam_step(steps: Array, normal: float) -> float:
 
 def clip_remarks(quality: ClipQuality) -> list[str]:
     """Return the faults of a clip, and in what else it is not as its animal."""
-    ours, remarks = quality.fidelity, clip_faults(quality)
+    ours, remarks = quality.fidelity, [*clip_faults(quality), *quality.source_remarks]
     if quality.seam_score is not None and quality.seam_score > 1.0:
         remarks.append(f"the source does not repeat itself: seam score {quality.seam_score:.2f}")
     if abs(ours.trunk_pitch) > 2.0:

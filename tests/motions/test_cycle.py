@@ -3,7 +3,7 @@ import pytest
 
 from kine2go_warp.motions.cycle import CycleStep, close_cycle, extend_cyclically, seam_weights
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.rotations import from_rotation, heading, to_rotation, yaw_rotation
+from kine2go_warp.rotations import from_rotation, heading, to_rotation, yaw_rotation
 
 
 def walk_on_a_circle(num_frames, turn=0.8, seam=0.0):

@@ -14,7 +14,6 @@ from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, 
 from kine2go_warp.motions.hops import Hop, generate_hops, write_solo8
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import from_rotation, to_rotation
 from kine2go_warp.motions.sources import AI4Animation
 from kine2go_warp.motions.sources.ai4animation import COLUMN_OF_KEYPOINT
 from kine2go_warp.robots import GO2
@@ -25,6 +24,7 @@ from kine2go_warp.robots.kinematics import (
     leg_points,
     shank_rotations,
 )
+from kine2go_warp.rotations import from_rotation, to_rotation
 from tests.motions.test_retarget import KEEP_RANGE, entry_of
 
 TOES = [COLUMN_OF_KEYPOINT[f"{leg}_toe"] for leg in ("FL", "FR", "RL", "RR")]
