@@ -56,14 +56,14 @@ def seam_score(targets: Poses, start: int, end: int) -> float:
     return float(seam_scores(pose_features(targets), np.array([start]), np.array([end]))[0, 0])
 
 
-def best_cycle(targets: Poses, start: int, end: int, search_frames: int) -> tuple[int, int]:
+def best_cycle(targets: Poses, start: int, end: int, reach_frames: int) -> tuple[int, int]:
     """Return the best start and end within some frames of the ones given.
 
     Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
     """
     last = len(targets) - 1
     # A short cycle must not lose its stride to the search.
-    reach = max(min(search_frames, (end - start) // 6), 0)
+    reach = max(min(reach_frames, (end - start) // 6), 0)
     starts = np.arange(max(start - reach, 0), start + reach + 1)
     ends = np.arange(end - reach, min(end + reach, last) + 1)
     if len(ends) == 0 or reach == 0:

@@ -35,6 +35,8 @@ class ClipQuality:
     """[s]"""
     residual: float
     """Largest distance of a foot from its target [m]."""
+    foot_moved: float
+    """Largest distance by which a foot was moved for its leg to reach it [m]."""
     penetration: float
     """Deepest that any part of the robot is below the floor [m]."""
     joint_margin: float
@@ -81,6 +83,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         frames=clip.num_frames,
         period=clip.period,
         residual=float(clip.residual.max()),
+        foot_moved=retargeted.foot_moved,
         penetration=float(max(-bottom.min(), -body.min(), 0.0)),
         joint_margin=float(margin.min()),
         speed_share=float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max()),
@@ -149,6 +152,8 @@ def clip_faults(quality: ClipQuality) -> list[str]:
         faults.append(f"joint limit broken by {-quality.joint_margin:.3f} rad")
     if quality.speed_share > 1.0 + 1e-9:
         faults.append(f"joint speed {quality.speed_share:.2f} of the motor's")
+    if quality.foot_moved > 0.1:
+        faults.append(f"a foot of the animal is {1e3 * quality.foot_moved:.0f} mm out of reach")
     if quality.residual > 0.005:
         faults.append(f"a foot is {1e3 * quality.residual:.0f} mm from its target, out of reach")
     return faults

@@ -60,6 +60,7 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
     ("above 15 Hz [%]", lambda q: f"{100.0 * q.fidelity.high_frequency:.2f}"),
     ("flight [m/s^2]", lambda q: f"{q.fidelity.flight_acceleration:.1f}"),
     ("residual [mm]", lambda q: f"{1e3 * q.residual:.2f}"),
+    ("feet moved to reach [mm]", lambda q: f"{1e3 * q.foot_moved:.0f}"),
     ("path length [%]", lambda q: f"{100.0 * q.path_error:+.1f}"),
 )
 """Headings of the table, and how each cell is written."""

@@ -84,6 +84,8 @@ class Retargeted:
     seam_score: float
     """Distance between first frame and the one after the last in the source, in standard deviations of the motion; NaN
     where the file ends with the range."""
+    foot_moved: float
+    """Largest distance by which a foot was moved for its leg to reach it [m]."""
     remarks: tuple[str, ...] = ()
     """What was repaired in the file, and whether the feet reach the floor."""
 
@@ -114,13 +116,13 @@ def retarget(
     scaled = motion.scaled(source.scale)
     selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
-    clip = make(selected, solver, config)
+    clip, moved = make(selected, solver, config)
     keypoints = keypoints_of(clip, scaled, targets, start, end)
     clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
     remarks = motion.remarks + reach_remarks(clip.foot_position[..., 2] - solver.spec.foot_radius)
-    return Retargeted(clip, float(steps.sum()), score, remarks)
+    return Retargeted(clip, float(steps.sum()), score, moved, remarks)
 
 
 def select(
@@ -168,15 +170,21 @@ def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: Poses, start
     return skeleton_at(motion.frames(start, end), floor, source_root, (clip.root_position, clip.root_orientation))
 
 
-def retarget_plain(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
+def retarget_plain(
+    selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
+) -> tuple[MotionClip, float]:
     """Follow the paper's rule: inverse kinematics frame by frame, then a blended seam in joint space."""
     solved, residual = solver.solve(selected.targets)
     closed, cycle = close_cycle(solved, selected.num_frames, config.blend_time / selected.frame_duration)
-    return clip_of(selected, closed, selected.stance, residual[: selected.num_frames], cycle, solver.spec)
+    return clip_of(selected, closed, selected.stance, residual[: selected.num_frames], cycle, solver.spec), 0.0
 
 
-def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
+def retarget_contacts(
+    selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
+) -> tuple[MotionClip, float]:
     """Close the cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
+
+    Returns the clip, and by how far a foot was moved for its leg to reach it at most [m].
 
     All of it is done on the cycle continued on both sides, so that what comes out in the middle is periodic.
     """
@@ -185,7 +193,7 @@ def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config
     margin = round(MARGIN_TIME / frame_duration) + longest_stance(selected.stance)
     longer = extend_cyclically(closed, cycle, margin, margin)
     stance = selected.stance[np.arange(-margin, num_frames + margin) % num_frames]
-    longer, stance = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
+    longer, stance, moved = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
     if config.time_scale == "froude":
         longer = fly(longer, stance, GRAVITY * (selected.time_scale * frame_duration) ** 2, frame_duration)
     longer = fit_height(solver.spec, longer, frame_duration, config)
@@ -196,7 +204,7 @@ def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config
     step = cycle_between(solved, first, num_frames)
     poses = solved.frames(middle.start, middle.stop).recentred()
     clip = clip_of(selected, poses, stance[margin : margin + num_frames], residual[middle], step, solver.spec)
-    return slowed_to_motors(clip, solver.spec)
+    return slowed_to_motors(clip, solver.spec), float(moved[margin : margin + num_frames].max())
 
 
 def longest_stance(stance: NDArray[np.bool_]) -> int:
@@ -229,17 +237,17 @@ def clip_of(
 
 def stand(
     poses: Poses, stance: NDArray[np.bool_], spec: RobotSpec, config: RetargetConfig
-) -> tuple[Poses, NDArray[np.bool_]]:
-    """Return the poses with feet that roll where they stand, and which of them stand."""
+) -> tuple[Poses, NDArray[np.bool_], Array]:
+    """Return the poses with feet that roll where they stand; which of them stand; how far they were moved to reach."""
     assert poses.feet is not None
     radius = np.array([0.0, 0.0, spec.foot_radius])
     reach = leg_reach(spec, poses.root_position, poses.root_orientation, config.knee_margin, LARGEST_DIP)
     rolling = np.zeros((len(poses), 4, 2))
     for _ in range(ROLLING_PASSES):
-        held, _ = hold_feet(poses.feet - radius, stance, rolling, reach, config)
+        held, *_ = hold_feet(poses.feet - radius, stance, rolling, reach, config)
         rolling = rolled(spec, replace(poses, feet=held + radius))
-    held, kept = hold_feet(poses.feet - radius, stance, rolling, reach, config)
-    return replace(poses, feet=held + radius), kept
+    held, kept, moved = hold_feet(poses.feet - radius, stance, rolling, reach, config)
+    return replace(poses, feet=held + radius), kept, moved
 
 
 def above_floor(poses: Poses, frame_duration: float, spec: RobotSpec) -> Poses:

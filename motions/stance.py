@@ -103,8 +103,12 @@ def intervals(mask: Mask) -> list[Interval]:
     return [Interval(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]
 
 
-def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: RetargetConfig) -> tuple[Array, Mask]:
+def hold_feet(
+    feet: Array, stance: Mask, rolling: Array, reach: Reach, config: RetargetConfig
+) -> tuple[Array, Mask, Array]:
     """Return feet that stand where they stand and swing from one foothold to the next, and which of them stand.
+
+    The third result is by how far feet are moved for their legs to reach them [m], shape [num_frames, 4].
 
     Standing feet roll without slipping. A foothold that a leg cannot reach during all of the stance is moved as little
     as possible; if that is not enough, the foot is lifted earlier or put down later.
@@ -116,7 +120,7 @@ def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: R
         reach: How far the legs reach.
         config: Settings.
     """
-    held, kept = feet.copy(), stance.copy()
+    held, kept, moved = feet.copy(), stance.copy(), np.zeros(stance.shape)
     for foot in range(feet.shape[1]):
         path, raw, roll = held[:, foot], feet[:, foot], rolling[:, foot]
         radius = reach.radius(foot, np.full(len(feet), -reach.give))
@@ -124,9 +128,10 @@ def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: R
         runs, low = [], []
         for run in intervals(stance[:, foot]):
             rolled = roll[run.frames]
-            foothold = np.median(raw[run.frames, :2] - rolled, axis=0)
-            foothold, first, last = _within_reach(foothold, under_hip[run.frames] - rolled, radius[run.frames])
+            wanted = np.median(raw[run.frames, :2] - rolled, axis=0)
+            foothold, first, last = _within_reach(wanted, under_hip[run.frames] - rolled, radius[run.frames])
             kept[run.frames, foot] = False
+            moved[run.frames, foot] = np.linalg.norm(foothold - wanted)
             low.append(np.median(raw[run.frames, 2]))
             run = Interval(run.first + first, run.first + last)  # noqa: PLW2901
             kept[run.frames, foot] = True
@@ -141,8 +146,8 @@ def hold_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach, config: R
             path[:first] = raw[:first] + (path[first] - raw[first])
             path[last + 1 :] = raw[last + 1 :] + (path[last] - raw[last])
         path[:, 2] = np.maximum(path[:, 2], 0.0)
-        _pull_in(path, kept[:, foot], under_hip, reach.radius(foot, path[:, 2]))
-    return held, kept
+        moved[:, foot] += _pull_in(path, kept[:, foot], under_hip, reach.radius(foot, path[:, 2]))
+    return held, kept, moved
 
 
 def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Array, int, int]:
@@ -192,14 +197,13 @@ def _bridge(path: Array, own: Array, low: list[Array], clearance: float) -> None
     path[1:-1] = corrected[1:-1]
 
 
-def _pull_in(path: Array, stands: Mask, under_hip: Array, radius: Array) -> None:
-    """Pull a swinging foot in the plane to where its leg reaches it."""
+def _pull_in(path: Array, stands: Mask, under_hip: Array, radius: Array) -> Array:
+    """Pull a swinging foot in the plane to where its leg reaches it, and return by how much [m]."""
     offset = path[:, :2] - under_hip
     distance = np.linalg.norm(offset, axis=1)
-    lack = np.maximum(distance - radius, 0.0)
-    for run in intervals(~stands & (lack > 0.0)):
-        swing = run.frames
-        path[swing, :2] -= offset[swing] * (lack[swing] / np.maximum(distance[swing], 1e-9))[:, None]
+    lack = np.where(stands, 0.0, np.maximum(distance - radius, 0.0))
+    path[:, :2] -= offset * (lack / np.maximum(distance, 1e-9))[:, None]
+    return lack
 
 
 def _smoothstep(share: Array) -> Array:

@@ -202,10 +202,11 @@ def test_faults_are_named():
         joint_margin=-0.1,
         speed_share=1.4,
         residual=0.05,
+        foot_moved=0.3,
         speed=10.0,
         fidelity=replace(good.fidelity, contact_slip=0.3, seam_shift=0.5),
     )
-    assert len(clip_faults(bad)) == 9
+    assert len(clip_faults(bad)) == 10
 
 
 def test_what_is_no_fault_but_needs_a_word_is_remarked_on():
@@ -244,6 +245,7 @@ def assess_example():
         frames=30,
         period=0.5,
         residual=1e-4,
+        foot_moved=0.0,
         penetration=0.0,
         joint_margin=0.2,
         speed_share=0.5,

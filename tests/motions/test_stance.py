@@ -60,7 +60,7 @@ def test_held_feet_stand_still_swing_clear_and_never_sink(rng):
     feet, root, _ = stepping(noise=1e-3, rng=rng)
     feet[..., 0] += 0.02 * np.sin(np.arange(120) / 5.0)[:, None]
     stance = detect_stance(feet, FRAME, CONFIG)
-    held, kept = hold_feet(feet, stance, NO_ROLL, far_reach(root), CONFIG)
+    held, kept, _ = hold_feet(feet, stance, NO_ROLL, far_reach(root), CONFIG)
     np.testing.assert_array_equal(kept, stance)
     for foot in range(4):
         for run in intervals(stance[:, foot]):
@@ -78,7 +78,7 @@ def test_a_foot_that_never_stands_is_left_alone():
     feet[:, 2, 2] += 0.2 + 0.05 * np.sin(np.arange(120))
     stance = detect_stance(feet, FRAME, CONFIG)
     assert not stance[:, 2].any()
-    held, _ = hold_feet(feet, stance, NO_ROLL, far_reach(root), CONFIG)
+    held, *_ = hold_feet(feet, stance, NO_ROLL, far_reach(root), CONFIG)
     np.testing.assert_array_equal(held[:, 2], feet[:, 2])
 
 
@@ -97,7 +97,7 @@ def test_a_swing_keeps_its_height_on_a_floor_that_rises():
     """What lift-off and touch-down add to the height is taken off at the ends of a swing, not in its middle."""
     feet, root, truth = stepping()
     feet[..., 2] += 0.02 * np.arange(120)[:, None] / 120
-    held, _ = hold_feet(feet, np.repeat(truth[:, None], 4, axis=1), NO_ROLL, far_reach(root), CONFIG)
+    held, *_ = hold_feet(feet, np.repeat(truth[:, None], 4, axis=1), NO_ROLL, far_reach(root), CONFIG)
     for run in intervals(~truth):
         if run.last < 119:
             assert held[run.frames, 0, 2].max() == pytest.approx(0.06, rel=0.04)
@@ -107,7 +107,7 @@ def test_standing_feet_roll_by_what_their_shanks_turn():
     feet, root, truth = stepping()
     stance = np.repeat(truth[:, None], 4, axis=1)
     rolling = 0.02 * np.stack([np.sin(np.arange(120) / 9.0), np.cos(np.arange(120) / 7.0)], axis=1)
-    held, _ = hold_feet(feet, stance, np.repeat(rolling[:, None], 4, axis=1), far_reach(root), CONFIG)
+    held, *_ = hold_feet(feet, stance, np.repeat(rolling[:, None], 4, axis=1), far_reach(root), CONFIG)
     both = truth[1:] & truth[:-1]
     np.testing.assert_allclose(np.diff(held[:, 1, :2], axis=0)[both], np.diff(rolling, axis=0)[both], atol=1e-12)
 
@@ -116,7 +116,8 @@ def test_footholds_out_of_reach_are_moved_and_what_is_left_is_released():
     feet, root, truth = stepping()
     stance = np.repeat(truth[:, None], 4, axis=1)
     reach = Reach(np.repeat(root[:, None], 4, axis=1), 0.3, GO2.foot_radius)
-    held, kept = hold_feet(feet, stance, NO_ROLL, reach, CONFIG)
+    held, kept, moved = hold_feet(feet, stance, NO_ROLL, reach, CONFIG)
+    assert moved.max() > 0.03
     apart = np.linalg.norm(held[:, 0, :2] - root[:, :2], axis=1)
     lack = apart - reach.radius(0, held[:, 0, 2])
     assert lack[kept[:, 0]].max() < 5e-3
