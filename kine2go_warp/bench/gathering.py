@@ -13,6 +13,7 @@ from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import GatherResult, gather
+from kine2go_warp.rollouts.quality import LIMITS
 
 NO_LIMIT = 1e9
 
@@ -27,21 +28,21 @@ def bench_gathering(clip: MotionClip, device: str, repeats: int, num_worlds: int
         num_worlds: Rollouts at once.
         rows: Rows of each.
     """
-    limits: dict[str, Any] = {name: NO_LIMIT for name in GatherConfig.__dataclass_fields__ if name.startswith("max_")}
+    limits: dict[str, Any] = {setting: NO_LIMIT for _, setting, _ in LIMITS}
     results: list[GatherResult] = []
     size = 0
     with tempfile.TemporaryDirectory() as folder:
         policy = PolicyFolder(Path(folder) / "policy")
         train([clip], TrainConfig(num_worlds=16, iterations=1), policy.path, device)
         for seed in range(repeats):
-            config = GatherConfig(trajectories=num_worlds, rows=rows, seed=seed, budget=1.0, **limits)
+            config = GatherConfig(trajectories=num_worlds, rows=rows, seed=seed, max_attempts=1.0, **limits)
             store = Path(folder) / f"{seed}.zarr"
             results.append(gather(policy, DatasetWriter(store, GO2), config, device))
             size = sum(path.stat().st_size for path in store.rglob("*") if path.is_file())
     accepted = max(results[-1].accepted, 1)
     measurements = (
         Measurement("gathering", "rows/s", tuple(one.rows_per_second for one in results), "simulated and recorded"),
-        Measurement("handed to the disk", "MB/s", tuple(one.megabytes_per_second for one in results)),
+        Measurement("written to the disk", "MB/s", tuple(one.megabytes_per_second for one in results)),
         Measurement("waiting for the disk", "1", tuple(one.waiting_share for one in results), "share of that time"),
         Measurement("writing the dataset", "s", tuple(one.write_time for one in results), "afterwards"),
         Measurement("size of a trajectory", "kB", (size / 1e3 / accepted,), f"compressed, of {rows} rows"),

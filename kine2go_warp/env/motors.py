@@ -36,9 +36,21 @@ class Motors:
         reference_step: wp.array,
     ) -> None:
         """Turn the policy's output into joint targets and queue them."""
+        self.compute_targets(output, clips, placement, reference_step, self.joint_target)
+        self.queue_targets(self.joint_target, reference_step)
+
+    def compute_targets(
+        self,
+        output: wp.array,
+        clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        reference_step: wp.array,
+        joint_target: wp.array,
+    ) -> None:
+        """Write the joint targets [rad] that follow from the policy's output, both of shape [num_worlds, 12]."""
         action, shape = self.config.action, self.joint_target.shape
         if action.form == "default_pose":
-            inputs = [output, self.constants.default_position, action.scale, action.clip, self.joint_target]
+            inputs = [output, self.constants.default_position, action.scale, action.clip, joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
         elif action.form in ("reference", "reference_pose"):
             lead = self.config.motor.damping / self.config.motor.stiffness
@@ -51,12 +63,11 @@ class Motors:
                 lead if action.form == "reference" else 0.0,
                 action.scale,
                 action.clip,
-                self.joint_target,
+                joint_target,
             ]
             wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
-            wp.copy(self.joint_target, output)
-        self.queue_targets(self.joint_target, reference_step)
+            wp.copy(joint_target, output)
 
     def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:
         """Queue joint targets [rad], shape [num_worlds, 12]."""
