@@ -19,6 +19,9 @@ from kine2go_warp.kernels.terrain import Terrain, ground_height
 
 wp.set_module_options({"enable_backward": False})
 
+FOOT_CLEARANCE = wp.constant(1e-5)
+"""Height of the lowest foot above the ground [m]: exactly on it, rounding would decide whether it touches at once."""
+
 
 @wp.struct
 class ResetRanges:
@@ -91,7 +94,7 @@ def place_reference(
 def least_root_height(
     geometry: LegGeometry, terrain: Terrain, robot: RobotState, place: wp.vec2, rotation: wp.quat, world: int
 ) -> float:
-    """Return the height at which the root, above ``place``, has one foot touch the ground and none below it [m]."""
+    """Return the height at which the root, above ``place``, has its lowest foot as good as on the ground [m]."""
     least = ground_height(terrain, place)
     for leg in range(4):
         first = 7 + 3 * leg
@@ -104,7 +107,7 @@ def least_root_height(
         )
         foot_w = wp.quat_rotate(rotation, foot)
         ground = ground_height(terrain, place + wp.vec2(foot_w[0], foot_w[1]))
-        least = wp.max(least, ground + geometry.foot_radius - foot_w[2])
+        least = wp.max(least, ground + geometry.foot_radius + FOOT_CLEARANCE - foot_w[2])
     return least
 
 

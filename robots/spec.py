@@ -6,8 +6,6 @@ from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
-from kine2go_warp.errors import Kine2GoError
-
 LEG_JOINTS = ("hip", "thigh", "calf")
 
 
@@ -84,51 +82,3 @@ class RobotSpec:
     def model_hash(self) -> str:
         """SHA-256 of the URDF, to tell which model a dataset was made with."""
         return hashlib.sha256(self.urdf.read_bytes()).hexdigest()
-
-
-class UrdfReader:
-    """Looks up geometry and limits in a URDF by name."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.root = ElementTree.parse(path).getroot()
-
-    def find(self, query: str) -> ElementTree.Element:
-        """Return the element that matches an XPath query.
-
-        Raises:
-            Kine2GoError: nothing matches.
-        """
-        element = self.root.find(query)
-        if element is None:
-            raise Kine2GoError(f"{self.path}: no element matches {query}")
-        return element
-
-    def joint_offset(self, joint: str) -> tuple[float, float, float]:
-        """Return the position of a joint in its parent link [m]."""
-        x, y, z = (float(value) for value in self.find(f"joint[@name='{joint}']/origin").attrib["xyz"].split())
-        return x, y, z
-
-    def joint_limits(self, joints: tuple[str, ...], field: str) -> tuple[float, ...]:
-        """Return one attribute of the limits (``lower``, ``upper``, ``effort``, ``velocity``) for several joints."""
-        return tuple(float(self.find(f"joint[@name='{joint}']/limit").attrib[field]) for joint in joints)
-
-    def leg(self, name: str) -> Leg:
-        """Return the geometry of one leg."""
-        return Leg(
-            name=name,
-            hip_offset=self.joint_offset(f"{name}_hip_joint"),
-            thigh_offset=self.joint_offset(f"{name}_thigh_joint"),
-            thigh_length=-self.joint_offset(f"{name}_calf_joint")[2],
-            calf_length=-self.joint_offset(f"{name}_foot_joint")[2],
-        )
-
-    def collision(self, link: str, shape: str, attribute: str) -> float:
-        """Return a dimension of the first collision shape of a kind (``sphere``, ``cylinder``) of a link [m]."""
-        return float(self.find(f"link[@name='{link}']/collision/geometry/{shape}").attrib[attribute])
-
-    def collision_vector(self, name: str, element: str, attribute: str) -> tuple[float, float, float]:
-        """Return a vector of the collision shape of that name, such as its origin's ``xyz`` [m]."""
-        text = self.find(f".//collision[@name='{name}']/{element}").attrib[attribute]
-        x, y, z = (float(value) for value in text.split())
-        return x, y, z

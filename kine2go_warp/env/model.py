@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
+import mujoco_warp
 import newton
 import numpy as np
 import warp as wp
@@ -14,6 +15,13 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.kernels.contacts import ROLE_BODY, ROLE_IGNORED, ROLE_LEG
 from kine2go_warp.kernels.kinematics import LegGeometry
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.urdf import merge_fixed_links
+
+NO_DAMPING = int(mujoco_warp.DisableBit.EULERDAMP)
+"""MuJoCo's flag for an integrator that leaves joint damping out."""
+
+SOLREF_AS_GIVEN = 1
+"""Newton's mode in which a joint limit takes MuJoCo's time constant and damping ratio as they are."""
 
 FLOOR_FRICTION = 1e-3
 """Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
@@ -50,7 +58,7 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
     # Without it the solver lists every shape within 0.1 m of the floor as a contact.
     builder.default_shape_cfg.gap = 0.0
     builder.default_joint_cfg.armature = spec.armature
-    builder.add_urdf(collision_urdf(spec), floating=True, enable_self_collisions=False, collapse_fixed_joints=True)
+    builder.add_urdf(collision_urdf(spec), floating=True, enable_self_collisions=False)
     for shape, kind in enumerate(builder.shape_type):
         if kind == newton.GeoType.CYLINDER:
             radius, half_length, _ = builder.shape_scale[shape]
@@ -58,6 +66,11 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
             builder.shape_scale[shape] = (radius, half_length - radius, 0.0)
     for dof in range(6, 18):
         builder.joint_target_mode[dof] = int(newton.JointTargetMode.EFFORT)
+        # Newton's default is a spring of its own, which on these inertias bounces: a damping ratio of 0.06.
+        for name, value in (("solreflimit", wp.vec2(config.stop_time, 1.0)), ("solreflimit_mode", SOLREF_AS_GIVEN)):
+            values = builder.custom_attributes[f"mujoco:{name}"].values
+            assert values is not None
+            values[dof] = value
     joints = [label.split("/")[-1] for label in builder.joint_label[1:]]
     if tuple(joints) != spec.joint_names:
         raise Kine2GoError(f"{spec.urdf}: joints are ordered {joints}, not {list(spec.joint_names)}")
@@ -67,8 +80,12 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
 
 
 def collision_urdf(spec: RobotSpec) -> str:
-    """Return the robot's URDF without what is only there to be seen, which Newton would copy into every world."""
+    """Return the robot's URDF for the simulation: its moving links alone, without visual shapes.
+
+    Newton would copy visual shapes into every world.
+    """
     root = ElementTree.parse(spec.urdf).getroot()
+    merge_fixed_links(root)
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
@@ -77,7 +94,7 @@ def collision_urdf(spec: RobotSpec) -> str:
 
 def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.SolverMuJoCo:
     """Return the MuJoCo Warp solver of a model."""
-    return newton.solvers.SolverMuJoCo(
+    solver = newton.solvers.SolverMuJoCo(
         model,
         iterations=config.solver.iterations,
         ls_iterations=config.solver.line_search_iterations,
@@ -85,21 +102,17 @@ def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.Solve
         njmax=config.max_constraints,
         nconmax=config.max_contacts,
         cone="pyramidal",
-        # The motors' torques come from this project's kernel and the joints have no damping of their own, so that an
-        # implicit integrator would solve for nothing.
+        # Motor torques come from this project's kernel: an implicit integrator would have nothing to solve for.
         integrator="euler",
         # One unused weld a floating base would otherwise take constraint rows.
         kinematic_switchable_roots=False,
     )
-
-
-def silence_iteration_warnings(solver: newton.solvers.SolverMuJoCo) -> None:
-    """Stop the solver from printing whenever it uses all its iterations, which is normal in a batch."""
-    import mujoco_warp
-
-    solver.mjw_model.opt.warn_overflow &= ~(
-        mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
-    )
+    # Joints have no damping, for which Euler's integrator would factorise the mass matrix a second time.
+    solver.mjw_model.opt.disableflags |= NO_DAMPING
+    solver.mj_model.opt.disableflags |= NO_DAMPING
+    # Full buffers are counted and reported; with thousands of worlds, a line printed for each would hide the report.
+    solver.mjw_model.opt.warn_overflow = 0
+    return solver
 
 
 def host_copy(array: Any) -> np.ndarray:

@@ -15,7 +15,6 @@ from kine2go_warp.env.model import (
     geom_roles,
     host_copy,
     leg_geometry,
-    silence_iteration_warnings,
 )
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.terrain import HeightField
@@ -40,7 +39,6 @@ class Simulation:
         self.config, self.num_worlds = config, config.num_worlds
         self.model = build_model(spec, config, ground, device)
         self.solver = build_solver(self.model, config)
-        silence_iteration_warnings(self.solver)
         self.states = (self.model.state(), self.model.state())
         self.control = self.model.control()
         self.joint_force = by_world(self.control.joint_f, self.num_worlds)
@@ -57,6 +55,8 @@ class Simulation:
         self.foot_force = wp.zeros((self.num_worlds, 4), dtype=wp.vec3)
         self.body_contact = wp.zeros(self.num_worlds, dtype=int)
         self.leg_contact = wp.zeros(self.num_worlds, dtype=int)
+        self.overflow = wp.zeros(self.num_worlds, dtype=int)
+        """The solver's warnings of all substeps since they were last cleared, bits of ``OVERFLOW_MASK``."""
 
     @property
     def data(self) -> Any:
@@ -68,17 +68,14 @@ class Simulation:
         """What the solver keeps from one step for the next, shape [num_worlds, 18]."""
         return self.data.qacc_warmstart
 
-    @property
-    def overflow(self) -> wp.array:
-        """The solver's warnings since they were last cleared, bits of ``OVERFLOW_MASK``, shape [num_worlds]."""
-        return self.data.overflow
-
     def advance(self, motors: Motors, reference_step: wp.array) -> None:
         """Run the substeps of a control step; an even number of them ends in the state that they began with."""
         for substep in range(self.config.substeps):
             now, after = substep % 2, 1 - substep % 2
             motors.apply(substep, reference_step, *self.coordinates[now], self.joint_force)
             self.solver.step(self.states[now], self.states[after], self.control, None, self.config.substep_duration)
+            # The solver clears its own flags when the next substep begins.
+            wp.launch(contacts.collect_overflow, dim=self.num_worlds, inputs=[self.data.overflow, self.overflow])
 
     def collect_contacts(self) -> None:
         """Read foot forces and other contacts of the last substep."""

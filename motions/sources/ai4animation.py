@@ -34,6 +34,9 @@ class AI4Animation(MotionSource):
 
     name: ClassVar[str] = "ai4animation"
     scale: ClassVar[float] = 0.825
+    root_drop: ClassVar[float] = 0.04
+    forward_lift: ClassVar[float] = 0.04
+    foot_outward: ClassVar[float] = 0.1
     rate: ClassVar[float] = 60.0
 
     def read(self, path: Path) -> KeypointMotion:

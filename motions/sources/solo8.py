@@ -35,7 +35,10 @@ class Solo8(MotionSource):
 
     name: ClassVar[str] = "solo8"
     scale: ClassVar[float] = 1.33
+    root_drop: ClassVar[float] = 0.0
     forward_lift: ClassVar[float] = 0.0
+    foot_outward: ClassVar[float] = 0.035
+    """Go2's thighs sit 0.0955 m beside its hips; Solo8's feet lie 0.0605 m beside theirs, after scaling."""
     rate: ClassVar[float] = 50.0
 
     def data_file(self, path: Path) -> Path:

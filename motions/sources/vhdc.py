@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.tables import parse_numbers, read_lines
+from kine2go_warp.motions.stance import Mask, intervals
 
 Array = NDArray[np.float64]
 
@@ -23,21 +23,30 @@ TALLEST_HORSE = 3.0
 """Withers above this are not in millimetres [m]."""
 SHORTEST_TRUNK = 0.1
 """A horse is longer than this between its markers [m]."""
-STANCE_HEIGHT = 0.015
-"""A hoof is taken to stand below this height over its lowest [m]."""
-SMOOTHNESS = 10.0
-"""Weight of a change of speed from frame to frame, against the slip of one standing hoof."""
+LOW_SHARE = 0.2
+"""A hoof is low in this lowest part of the range of its heights."""
+SPEED_TIME = 0.02
+"""Hooves' velocities are differences over this time before and after a frame [s]."""
+SLIP_SHARE, SLIP = 0.25, 0.1
+"""A low hoof stands while its velocity is within this share of the belt's, and this [m/s]."""
+SHORTEST_MIDDLE = 0.05
+"""The middle half of a stance must last this long to tell the belt's speed [s]."""
+CROWD_PASSES = 20
+"""Iterations of the mean over the nearer half of the velocities; it settles within a few."""
 
 
 class Vhdc(MotionSource):
     """CSV files of seven markers in millimetres, z up, 60 or 120 Hz.
 
-    A treadmill moves under the horse, so the horse's own velocity is recovered from the hooves that stand: whatever
-    velocity they have in the laboratory is the belt's.
+    A treadmill moves under the horse at one speed, so the horse's way over the ground is what it moves in the
+    laboratory and the way of the belt, whose velocity is that of the hooves that stand. Heights are as measured.
     """
 
     name: ClassVar[str] = "vhdc"
     scale: ClassVar[float] = 0.25
+    root_drop: ClassVar[float] = 0.04
+    forward_lift: ClassVar[float] = 0.0
+    foot_outward: ClassVar[float] = 0.1
     hip_half_width: ClassVar[float] = 0.0465 / 0.25
     """Half the distance that is put between the hips, for the horse's markers lie on its midline [m]."""
 
@@ -57,22 +66,28 @@ class Vhdc(MotionSource):
         if np.any(np.linalg.norm(trunk[:, :2], axis=1) < SHORTEST_TRUNK):
             line = int(np.argmin(np.linalg.norm(trunk[:, :2], axis=1))) + 2
             raise ClipError(f"{path}, line {line}: Withers and Sacrum are in one place; a marker was lost")
-        velocity = belt_free_velocity(hooves, time[1] - time[0])
-        travelled = np.vstack([np.zeros(2), np.cumsum(velocity[:-1], axis=0) * (time[1] - time[0])])
-        markers[..., :2] += travelled[:, None]
-        return KeypointMotion(time, self._keypoints(markers))
+        belt, standing = belt_velocity(hooves, time[1] - time[0])
+        markers[..., :2] -= time[:, None, None] * belt
+        return KeypointMotion(time, self._keypoints(markers, standing))
 
-    def _keypoints(self, markers: Array) -> Array:
-        """Return the keypoints, with hips set apart from the midline."""
-        withers, sacrum = (markers[:, MARKERS.index(name)] for name in ("Withers", "Sacrum"))
-        forward = withers - sacrum
-        left = np.stack([-forward[:, 1], forward[:, 0], np.zeros(len(forward))], axis=1)
-        left *= self.hip_half_width / np.linalg.norm(left, axis=1, keepdims=True)
-        points = {"pelvis": sacrum, "neck": withers}
-        for leg, hoof in zip(LEG_NAMES, HOOVES, strict=True):
-            spine = withers if leg.startswith("F") else sacrum
-            points[f"{leg}_hip"] = spine + (left if leg.endswith("L") else -left)
-            points[f"{leg}_toe"] = markers[:, MARKERS.index(hoof)]
+    def _keypoints(self, markers: Array, standing: Mask) -> Array:
+        """Return the keypoints.
+
+        No marker is at a hip: hips are set apart from the midline, and put as far before withers or sacrum as the two
+        hooves of the pair stand before it on average, so that each pair stands below its hips.
+        """
+        points = {"pelvis": markers[:, MARKERS.index("Sacrum")], "neck": markers[:, MARKERS.index("Withers")]}
+        forward = (points["neck"] - points["pelvis"]) * [1.0, 1.0, 0.0]
+        forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+        left = self.hip_half_width * np.cross([0.0, 0.0, 1.0], forward)
+        toes = markers[:, [MARKERS.index(name) for name in HOOVES]]
+        for pair, spine in ((slice(0, 2), points["neck"]), (slice(2, 4), points["pelvis"])):
+            ahead = np.einsum("tkj,tj->tk", toes[:, pair] - spine[:, None], forward)
+            # Hooves have a mean each before that of the pair, so that one that stands longer does not count for more.
+            means = [ahead[standing[:, leg], side].mean() for side, leg in enumerate(range(4)[pair])]
+            for side, leg in zip((left, -left), LEG_NAMES[pair], strict=True):
+                points[f"{leg}_hip"] = spine + side + float(np.mean(means)) * forward
+        points |= {f"{leg}_toe": toes[:, index] for index, leg in enumerate(LEG_NAMES)}
         return np.stack([points[name] for name in KEYPOINTS], axis=1)
 
 
@@ -95,17 +110,38 @@ def uniform_time(path: Path, stamps: Array) -> Array:
     return slope * frames
 
 
-def belt_free_velocity(hooves: Array, frame_duration: float) -> Array:
-    """Return the horse's velocity over the ground [m/s], shape [num_frames, 2].
+def belt_velocity(hooves: Array, frame_duration: float) -> tuple[Array, Mask]:
+    """Return the velocity of the belt in the laboratory [m/s], shape [2], and when each hoof stands on it.
 
-    The velocity v of each frame minimises the slip of the hooves that stand, sum |v + u|^2 over their velocities u in
-    the laboratory, and its own change from frame to frame, weighted by ``SMOOTHNESS``. The normal equations are
-    tridiagonal. Heights take no part: a horse does not climb.
+    A treadmill runs at one speed, and a hoof that stands moves as the belt does. So the belt's velocity is where the
+    planar velocities of low hooves crowd, taken exactly as the median over all stances of the slope of a line through
+    the middle half of the hoof's way: touch-down and lift-off take no part.
+
+    Args:
+        hooves: Positions in the laboratory [m], shape [num_frames, 4, 3].
+        frame_duration: [s]
+
+    Returns:
+        The velocity, and whether each hoof stands, shape [num_frames, 4].
     """
-    motion = np.gradient(hooves[..., :2], frame_duration, axis=0)
-    standing = hooves[..., 2] - hooves[..., 2].min(axis=0) < STANCE_HEIGHT
-    num_frames = len(hooves)
-    bands = np.zeros((2, num_frames))
-    bands[0, 1:] = -SMOOTHNESS
-    bands[1] = standing.sum(axis=1) + SMOOTHNESS * (2.0 - (np.arange(num_frames) % (num_frames - 1) == 0))
-    return solveh_banded(bands, -np.sum(motion * standing[..., None], axis=1))
+    frames = np.arange(len(hooves))
+    reach = max(round(SPEED_TIME / frame_duration), 1)
+    after, before = np.minimum(frames + reach, len(hooves) - 1), np.maximum(frames - reach, 0)
+    velocity = (hooves[after, :, :2] - hooves[before, :, :2]) / (frame_duration * (after - before))[:, None, None]
+    lowest, highest = np.quantile(hooves[..., 2], [0.05, 0.95], axis=0)
+    low = hooves[..., 2] <= lowest + LOW_SHARE * (highest - lowest)
+    belt = np.median(velocity[low], axis=0)
+    for _ in range(CROWD_PASSES):
+        distance = np.linalg.norm(velocity[low] - belt, axis=1)
+        belt = velocity[low][distance <= np.median(distance)].mean(axis=0)
+    slip = np.linalg.norm(velocity - belt, axis=-1)
+    standing = low & (slip < SLIP_SHARE * np.linalg.norm(belt) + SLIP)
+    slopes = []
+    for leg in range(hooves.shape[1]):
+        for stance in intervals(standing[:, leg]):
+            quarter = (stance.last - stance.first + 1) // 4
+            middle = frames[stance.first + quarter : stance.last + 1 - quarter]
+            if len(middle) * frame_duration >= SHORTEST_MIDDLE:
+                slopes.append(np.polyfit(middle * frame_duration, hooves[middle, leg, :2], 1)[0])
+    standing[:, ~standing.any(axis=0)] = low[:, ~standing.any(axis=0)]
+    return (np.median(slopes, axis=0) if slopes else belt), standing

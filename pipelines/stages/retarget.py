@@ -36,7 +36,7 @@ class RetargetStage:
             raise ClipError(f"{path}: no such motion file; 'kine2go sources list' shows which are there")
         origin = entry.origin(path, entry.frames.start, entry.frames.end, entry.rate)
         return {
-            "version": 1,
+            "version": 2,
             "source": to_dictionary(origin),
             "robot_model": GO2.model_hash,
             "settings": to_dictionary(job.recipe.retarget),

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from kine2go_warp.robots.spec import LEG_JOINTS, RobotSpec, UrdfReader
+from kine2go_warp.robots.spec import LEG_JOINTS, RobotSpec
+from kine2go_warp.robots.urdf import UrdfReader
 
 
 def _load() -> RobotSpec:

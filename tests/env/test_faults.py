@@ -8,9 +8,11 @@ import pytest
 from kine2go_warp.env.config import SolverConfig, TerminationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import StrictStepper, fault_counts
+from kine2go_warp.env.simulation import OVERFLOW_MASK
 from kine2go_warp.env.snapshot import WorldSnapshot
 from kine2go_warp.errors import Kine2GoError, SimulationError
 from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.robots import GO2
 from tests.env.helpers import EVERYTHING, drive
 
 
@@ -39,6 +41,20 @@ def test_full_buffers_are_noticed_counted_and_reset(clip, cramped):
     assert np.isfinite(environment.observation.numpy()).all()
     environment.restart(7)
     assert fault_counts(environment) == {"non_finite": 0, "overflow": 0}
+
+
+def test_an_overflow_of_an_early_substep_is_noticed(clip, cramped):
+    """A robot lies on the ground and leaves it so fast that the last substep needs few rows."""
+    environment = ImitationEnvironment([clip], cramped, "cpu")
+    joint_q, joint_qd = environment.robot.joint_q.numpy(), environment.robot.joint_qd.numpy()
+    joint_q[:, 2], joint_q[:, 3:7], joint_q[:, 7:] = 0.054, (0.0, 0.0, 0.0, 1.0), np.tile([0.0, 1.5, -2.7], 4)
+    joint_qd[:], joint_qd[:, 2] = 0.0, 20.0
+    environment.robot.joint_q.assign(joint_q)
+    environment.robot.joint_qd.assign(joint_qd)
+    environment.output.assign(np.float32(joint_q[:, 7:] - GO2.default_joint_position) / 0.25)
+    environment.step()
+    assert not (environment.simulation.data.overflow.numpy() & OVERFLOW_MASK).any(), "the last substep must have room"
+    assert fault_counts(environment)["overflow"] == environment.num_worlds
 
 
 def test_the_default_buffers_hold_a_robot_that_falls_in_every_way(clip, small_config):

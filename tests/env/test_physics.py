@@ -154,3 +154,34 @@ def test_the_c_engine_follows_the_same_two_seconds_of_joint_targets(standing_cli
         forces.append(environment.simulation.foot_force.numpy()[0, :, 2].copy())
     assert np.ptp(heights) > 0.02, "the robot must move"
     assert (np.array(forces) == 0.0).any(axis=0).all(), "every foot must leave the ground at times"
+
+
+@pytest.mark.parametrize("folded", [False, True], ids=["stretched", "folded"])
+def test_stops_are_nearly_critical_whatever_the_inertia(standing_clip, target_config, folded):
+    """Each joint meets each stop at its motor's full speed: it goes little beyond, and does not bounce."""
+    limp = replace(target_config, num_worlds=6, motor=MotorConfig(1e-6, 0.0))
+    environment = ImitationEnvironment([standing_clip], limp, "cpu")
+    lift(environment, 10.0)
+    joint_q, joint_qd = environment.robot.joint_q.numpy(), np.zeros((6, 18), np.float32)
+    sign = np.tile([-1.0, 1.0], 3)
+    for world in range(6):
+        joint = world // 2
+        joint_q[world, 7:10] = (0.0, 0.8, -2.6 if folded else -0.9)
+        limit = (GO2.joint_lower if sign[world] < 0 else GO2.joint_upper)[joint]
+        joint_q[world, 7 + joint] = limit - 0.1 * sign[world]
+        joint_qd[world, 6 + joint] = sign[world] * GO2.joint_speed[joint]
+    environment.robot.joint_q.assign(joint_q)
+    environment.robot.joint_qd.assign(joint_qd)
+    beyond, speed = [], []
+    for _ in range(10):
+        environment.simulation.advance(environment.motors, environment.episodes.reference_step)
+        joint_q, joint_qd = environment.robot.joint_q.numpy(), environment.robot.joint_qd.numpy()
+        for world in range(6):
+            joint = world // 2
+            limit = (GO2.joint_lower if sign[world] < 0 else GO2.joint_upper)[joint]
+            beyond.append(sign[world] * (joint_q[world, 7 + joint] - limit))
+            speed.append(sign[world] * joint_qd[world, 6 + joint] / GO2.joint_speed[joint])
+    beyond, speed = np.reshape(beyond, (10, 6)), np.reshape(speed, (10, 6))
+    assert np.all(beyond.max(axis=0) > 0.0), "every stop must be met"
+    assert beyond.max() < 0.1
+    assert speed.min() > -0.3

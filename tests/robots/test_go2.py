@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kine2go_warp.robots import GO2
-from kine2go_warp.robots.spec import UrdfReader
+from kine2go_warp.robots.urdf import UrdfReader
 
 URDF = ElementTree.parse(GO2.urdf).getroot()
 
