@@ -29,7 +29,13 @@ def choose_device(name: str | None) -> str:
 
 
 def choose_processes(wanted: int | None, num_worlds: int, device: str) -> int:
-    """Return how many processes to simulate in: those wanted, or one a core on a CPU, one on a GPU."""
+    """Return how many processes to simulate in: those wanted, or one a core on a CPU, one on a GPU.
+
+    Raises:
+        Kine2GoError: fewer than one are wanted.
+    """
+    if wanted is not None and wanted < 1:
+        raise Kine2GoError(f"processes is {wanted}; it must be at least 1")
     if wanted is not None:
         return max(1, min(wanted, num_worlds))
     if device != "cpu":

@@ -99,7 +99,7 @@ class MotionClip:
         from scipy.spatial.transform import Slerp
 
         num_frames = max(round(self.period * rate), 3)
-        time = np.arange(num_frames) * (self.period / num_frames)
+        time = np.arange(num_frames, dtype=np.float64) * (self.period / num_frames)
         margin = 4
         poses = extend_cyclically(
             self.root_position, self.root_orientation, self.joint_position, self.cycle, margin, margin

@@ -9,6 +9,7 @@ from kine2go_warp.motions.rotations import heading, to_rotation, turn_planar
 from kine2go_warp.motions.targets import PoseTargets
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.signedinteger]
 
 APART = 6
 """Two candidates whose ends both differ by fewer frames than this are one."""
@@ -40,7 +41,7 @@ def pose_features(targets: PoseTargets) -> Array:
     return features / np.maximum(features.std(axis=0), 1e-3)
 
 
-def seam_scores(features: Array, starts: Array, ends: Array) -> Array:
+def seam_scores(features: Array, starts: Indices, ends: Indices) -> Array:
     """Return the distance between each start and each end, shape [num_starts, num_ends]."""
     a, b = features[starts], features[ends]
     squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T

@@ -72,7 +72,7 @@ def foot_offset(hop: Hop, time: Array) -> Array:
 def generate_hops(hop: Hop, num_frames: int) -> Array:
     """Return rows in Solo8's layout from a touch-down on, shape [num_frames, 33]."""
     step = 1.0 / Solo8.rate
-    time = np.arange(num_frames) * step
+    time = np.arange(num_frames, dtype=np.float64) * step
     rows = np.zeros((num_frames, NUM_COLUMNS))
     height, feet = base_height(hop, time), foot_offset(hop, time)
     rows[:, POSITION] = np.stack([hop.speed * time, np.zeros(num_frames), height], axis=-1)

@@ -209,7 +209,7 @@ def solve_above_floor(
     position: Array, orientation: Array, feet: Array, frame_duration: float, solver: InverseKinematics
 ) -> RobotTrajectory:
     """Solve for the joints, raising the base where trunk, head or knees would be below the floor."""
-    time = np.arange(len(position)) * frame_duration
+    time = np.arange(len(position), dtype=np.float64) * frame_duration
     solved = solver.solve(PoseTargets(time, position, orientation, feet))
     for _ in range(FLOOR_PASSES):
         lowest = lowest_body_point(solver.spec, solved.root_position, solved.root_orientation, solved.joint_position)

@@ -47,7 +47,7 @@ def detect_stance(feet: Array, root: Array, frame_duration: float, config: Retar
     for frame in range(len(feet)):
         standing = (standing | enters[frame]) & ~leaves[frame]
         stance[frame] = standing
-    for foot in range(stance.shape[1]):
+    for foot in range(feet.shape[1]):
         _drop_short(stance[:, foot], False, SHORTEST_SWING / frame_duration)
         _drop_short(stance[:, foot], True, SHORTEST_STANCE / frame_duration)
     return stance

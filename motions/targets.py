@@ -85,7 +85,7 @@ def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:
     left = (hips[:, 0] - hips[:, 1]) + (hips[:, 2] - hips[:, 3])
     x = _unit(forward)
     y = _unit(left - np.sum(left * x, axis=-1, keepdims=True) * x)
-    return from_matrices(np.stack([x, y, np.cross(x, y)], axis=-1))
+    return from_matrices(np.stack([x, y, np.cross(x, y)], axis=-1, dtype=np.float64))
 
 
 def _unit(vectors: Array) -> Array:

@@ -2,17 +2,17 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from kine2go_warp.errors import RecipeError
-from kine2go_warp.learning.config import TrainConfig
+from kine2go_warp.errors import Kine2GoError, RecipeError
+from kine2go_warp.learning.presets import FAST, Preset, find_preset
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.settings import from_dictionary
+from kine2go_warp.settings import from_dictionary, set_at
 
 RECIPE_FOLDER = Path(__file__).parent
 
@@ -42,7 +42,7 @@ class Recipe:
     motions: tuple[str, ...]
     """Names of catalogue entries."""
     retarget: RetargetConfig = field(default_factory=RetargetConfig)
-    train: TrainConfig = field(default_factory=TrainConfig)
+    train: Preset = FAST
     gather: GatherConfig = field(default_factory=GatherConfig)
     score: ScoreConfig = field(default_factory=ScoreConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
@@ -53,56 +53,94 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
 
     Args:
         path: A TOML file, or the name of a recipe that comes with the package, such as ``demo``.
-        overrides: Settings that replace the recipe's, such as ``train.seed=2``; values as in TOML, without quotes if
-            you like.
+        overrides: Settings that replace the recipe's, such as ``train.env.seed=2``; values as in TOML, quotes around
+            texts may be left out.
 
     Raises:
         RecipeError: there is no such file, it is not TOML, or a key or value is wrong; the message names file and line.
     """
     bundled = RECIPE_FOLDER / f"{path}.toml"
-    if not path.exists() and path.parent == Path() and bundled.is_file():
+    if not path.is_file() and path.parent == Path() and bundled.is_file():
         path = bundled
+    values, text = read_toml(path)
+    recipe = check_recipe(values, str(path), text)
+    if overrides:
+        for one in overrides:
+            apply_override(values, one)
+        recipe = check_recipe(values, "--set")
+    return recipe
+
+
+def read_toml(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the values and the text of a TOML file.
+
+    Raises:
+        RecipeError: there is no such file, or it is not TOML.
+    """
     try:
         text = path.read_text(encoding="utf-8")
-        values = tomllib.loads(text)
+        return tomllib.loads(text), text
     except FileNotFoundError:
         known = ", ".join(sorted(recipe.stem for recipe in RECIPE_FOLDER.glob("*.toml")))
         raise RecipeError(f"{path}: no such recipe; bundled ones are: {known}") from None
     except (OSError, ValueError) as error:
         raise RecipeError(f"{path}: cannot be read as TOML ({error})") from None
-    recipe = checked(values, text, str(path))
-    if overrides:
-        for override in overrides:
-            apply_override(values, override)
-        recipe = checked(values, "", "--set")
-    return recipe
 
 
-def checked(values: Mapping[str, Any], text: str, where: str) -> Recipe:
+def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     """Turn a recipe's values into settings.
+
+    Args:
+        values: What the file holds.
+        where: Name of the file.
+        text: Text of the file, to name lines.
 
     Raises:
         RecipeError: a key or value is wrong.
     """
+    locate = partial(place_in, text)
 
-    def locate(section: str, key: str = "") -> str:
-        """Return line and section of a key."""
-        line = line_of(text, f"{section}.{key}" if section and key else section or key)
-        return (f", line {line}" if line else "") + (f", [{section}]" if section else "")
+    def refuse(key: str, message: str) -> NoReturn:
+        raise RecipeError(f"{where}{locate(key)}: {message}")
 
-    kinds = {"retarget": RetargetConfig, "train": TrainConfig, "gather": GatherConfig}
-    for section, kind in kinds.items():
-        # Section by section first, so that the message names the section whose values do not go together.
-        if isinstance(values.get(section), dict):
-            from_dictionary(kind, values[section], where, RecipeError, partial(locate, section))
-    recipe = from_dictionary(Recipe, dict(values), where, RecipeError, partial(locate, ""))
+    base = Recipe("", (), train=preset_of(values, where, locate))
+    recipe = from_dictionary(Recipe, values, where, RecipeError, locate, base)
     if not recipe.motions:
-        raise RecipeError(
-            f"{where}{locate('', 'motions')}: 'motions' is empty; name at least one motion of the catalogue"
-        )
+        refuse("motions", "'motions' is empty; name at least one motion of the catalogue")
+    for motion in recipe.motions:
+        if recipe.motions.count(motion) > 1:
+            refuse("motions", f"'motions' names {motion} more than once")
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
-        raise RecipeError(f"{where}{locate('', 'name')}: name '{recipe.name}' is no name of a folder")
+        refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe
+
+
+def preset_of(values: dict[str, Any], where: str, locate: Callable[[str], str] = lambda _: "") -> Preset:
+    """Return the preset that the section ``train`` of a file names, which its other settings are laid over.
+
+    Raises:
+        RecipeError: there is none of that name.
+    """
+    section = values.get("train")
+    name = section.get("preset", FAST.preset) if isinstance(section, dict) else FAST.preset
+    try:
+        return find_preset(name) if isinstance(name, str) else FAST
+    except Kine2GoError as error:
+        raise RecipeError(f"{where}{locate('train.preset')}: {error}") from None
+
+
+def train_section(values: dict[str, Any], where: str, text: str = "", preset: str | None = None) -> Preset:
+    """Return the settings of the section ``train`` of a file, over those of its preset, or of another one.
+
+    Raises:
+        RecipeError: a key or value of the section is wrong.
+    """
+    locate = partial(place_in, text)
+    base = preset_of(values, where, locate) if preset is None else find_preset(preset)
+    section = values.get("train", {})
+    if isinstance(section, dict) and preset is not None:
+        section = {**section, "preset": base.preset}
+    return from_dictionary(Preset, section, where, RecipeError, lambda key: locate(f"train.{key}"), base)
 
 
 def apply_override(values: dict[str, Any], override: str) -> None:
@@ -113,21 +151,33 @@ def apply_override(values: dict[str, Any], override: str) -> None:
     """
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise RecipeError(f"--set {override}: expected KEY=VALUE, such as train.iterations=200")
+        raise RecipeError(f"--set {override}: expected KEY=VALUE, such as train.ppo.iterations=200")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except ValueError:
         value = text.strip()
-    *sections, name = key.strip().split(".")
-    for section in sections:
-        values = values.setdefault(section, {})
-        if not isinstance(values, dict):
-            raise RecipeError(f"--set {override}: '{section}' is not a section of the recipe")
-    values[name] = value
+    try:
+        set_at(values, key.strip(), value)
+    except Kine2GoError as error:
+        raise RecipeError(f"--set {override}: {error} of the recipe") from None
 
 
-def line_of(text: str, key: str) -> int | None:
-    """Return the number of the line at which a key such as ``train.seed``, or a section, stands; none if not found."""
+def place_in(text: str, key: str) -> str:
+    """Return line and section of a key such as ``train.env.seed``, as messages have them."""
+    line = next((line for part in ancestors(key) if (line := line_of(text, part))), None)
+    section = key if line_of(text, key, sections=True) else key.rpartition(".")[0]
+    return (f", line {line}" if line else "") + (f", [{section}]" if section else "")
+
+
+def ancestors(key: str) -> Iterator[str]:
+    """Yield a key and the sections that it is in, inner ones first."""
+    while key:
+        yield key
+        key = key.rpartition(".")[0]
+
+
+def line_of(text: str, key: str, sections: bool = False) -> int | None:
+    """Return the number of the line where a key such as ``train.env.seed``, or a section, stands; none if not found."""
     section = ""
     for number, line in enumerate(text.splitlines(), start=1):
         header = re.match(r"\s*\[\s*([\w.\s-]+?)\s*\]", line)
@@ -136,6 +186,7 @@ def line_of(text: str, key: str) -> int | None:
             if section == key:
                 return number
         name = re.match(r"\s*([\w.-]+)\s*=", line)
-        if name and (f"{section}.{name.group(1)}" if section else name.group(1)) == key:
+        found = name and (f"{section}.{name.group(1)}" if section else name.group(1))
+        if found == key and not sections:
             return number
     return None

@@ -16,7 +16,6 @@ from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import RenderError
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
@@ -26,7 +25,7 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.renders.artist import Artist
+from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
@@ -104,7 +103,7 @@ def environment(clip: MotionClip, small_config: EnvConfig) -> ImitationEnvironme
 def policy(clip: MotionClip, tmp_path_factory: pytest.TempPathFactory) -> PolicyFolder:
     """A policy after a few iterations: real, but not good."""
     folder = tmp_path_factory.mktemp("policy") / clip.name
-    train([clip], TrainConfig(num_worlds=16, iterations=3), folder, "cpu")
+    train([clip], FAST.override({"env.num_worlds": 16, "ppo.iterations": 3}), folder, "cpu")
     return PolicyFolder(folder)
 
 
@@ -150,7 +149,7 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def can_draw() -> None:
     """Skip where no picture can be drawn."""
     try:
-        Artist(64, 64).close()
+        RenderProcess(64, 64).close()
     except RenderError as error:
         pytest.skip(str(error))
 

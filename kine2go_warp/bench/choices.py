@@ -65,7 +65,7 @@ CHOICES = (
         "128 worlds and twice as many updates, instead of 256",
         (("env.num_worlds", 128),),
     ),
-    Choice("many_epochs", "8 passes over the samples of an iteration, instead of 5", (("ppo.epochs", 8),)),
+    Choice("many_epochs", "8 passes over the samples of an iteration, instead of 5", (("ppo.num_learning_epochs", 8),)),
     Choice(
         "action_rate",
         "the squared change of the outputs costs 0.02 (times 1/60) of the reward",
@@ -84,19 +84,19 @@ CHOICES = (
     Choice(
         "falling_noise",
         "the noise falls from 0.4 to 0.2 within 40 iterations",
-        (("ppo.final_noise", 0.2), ("ppo.annealing", 40)),
+        (("ppo.final_std", 0.2), ("ppo.annealing_iterations", 40)),
     ),
     Choice(
         "falling_entropy",
         "the entropy coefficient falls from 0.01 (paper) to 0 within 40 iterations",
-        (("ppo.entropy", 0.01), ("ppo.final_entropy", 0.0), ("ppo.annealing", 40)),
+        (("ppo.entropy_coef", 0.01), ("ppo.final_entropy_coef", 0.0), ("ppo.annealing_iterations", 40)),
     ),
-    Choice("small_noise", "initial noise 0.2, instead of 0.4", (("ppo.initial_noise", 0.2),)),
-    Choice("paper_noise", "initial noise 1.0 (paper)", (("ppo.initial_noise", 1.0),)),
-    Choice("paper_discount", "discount 0.99 (paper), instead of 0.97", (("ppo.discount", 0.99),)),
+    Choice("small_noise", "initial noise 0.2, instead of 0.4", (("ppo.init_std", 0.2),)),
+    Choice("paper_noise", "initial noise 1.0 (paper)", (("ppo.init_std", 1.0),)),
+    Choice("paper_discount", "discount 0.99 (paper), instead of 0.97", (("ppo.gamma", 0.99),)),
     Choice("paper_kl", "desired KL divergence 0.01 (paper), instead of 0.03", (("ppo.desired_kl", 0.01),)),
-    Choice("paper_entropy", "entropy coefficient 0.01 (paper), instead of 0.002", (("ppo.entropy", 0.01),)),
-    Choice("raw_observations", "observations are not normalised (paper)", (("ppo.normalise_observations", False),)),
+    Choice("paper_entropy", "entropy coefficient 0.01 (paper), instead of 0.002", (("ppo.entropy_coef", 0.01),)),
+    Choice("raw_observations", "observations are not normalised (paper)", (("ppo.obs_normalization", False),)),
     Choice(
         "paper_beginnings",
         "a tenth of the episodes begins standing, joints off by up to 0.3 rad (paper)",
@@ -108,7 +108,7 @@ CHOICES = (
         (("env.motor.stiffness", 20.0), ("env.motor.damping", 0.5)),
     ),
     Choice(
-        "paper_network", "layers of 512, 256, 128 (paper), instead of half", (("ppo.hidden_sizes", (512, 256, 128)),)
+        "paper_network", "layers of 512, 256, 128 (paper), instead of half", (("ppo.hidden_dims", (512, 256, 128)),)
     ),
 )
 
@@ -132,7 +132,7 @@ class AblationConfig:
 
     def preset(self, choice: Choice, seed: int) -> Preset:
         """Return the settings of one training."""
-        preset = choice.apply(FAST)
-        steps = preset.env.num_worlds * preset.ppo.steps_per_iteration
+        preset = choice.apply(FAST.on("cpu"))
+        steps = preset.env.num_worlds * preset.ppo.num_steps_per_env
         iterations = max(1, round(self.steps / steps))
-        return Preset(replace(preset.env, seed=seed), replace(preset.ppo, iterations=iterations))
+        return preset.override({"env.seed": seed, "ppo.iterations": iterations})

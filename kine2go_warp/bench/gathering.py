@@ -6,8 +6,8 @@ from typing import Any
 
 from kine2go_warp.bench.measurement import BenchReport, Measurement
 from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
@@ -33,7 +33,7 @@ def bench_gathering(clip: MotionClip, device: str, repeats: int, num_worlds: int
     size = 0
     with tempfile.TemporaryDirectory() as folder:
         policy = PolicyFolder(Path(folder) / "policy")
-        train([clip], TrainConfig(num_worlds=16, iterations=1), policy.path, device)
+        train([clip], FAST.override({"env.num_worlds": 16, "ppo.iterations": 1}), policy.path, device)
         for seed in range(repeats):
             config = GatherConfig(trajectories=num_worlds, rows=rows, seed=seed, max_attempts=1.0, **limits)
             store = Path(folder) / f"{seed}.zarr"

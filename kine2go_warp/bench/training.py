@@ -34,7 +34,7 @@ def bench_training(clip: MotionClip, preset: Preset, device: str, repeats: int, 
     share_stream(device)
     torch.manual_seed(0)
     before = used_memory(device)
-    config, horizon = preset.env, preset.ppo.steps_per_iteration
+    config, horizon = preset.env, preset.ppo.num_steps_per_env
     if processes > 1:
         env = ParallelVecEnv([clip], config, processes)
     else:

@@ -111,7 +111,7 @@ def run_trial(
         with contextlib.redirect_stdout(io.StringIO()):
             runner = ImitationRunner(env, preset.ppo, Path(folder), preset.env.seed)
         curve: list[CurvePoint] = []
-        steps = preset.env.num_worlds * preset.ppo.steps_per_iteration
+        steps = preset.env.num_worlds * preset.ppo.num_steps_per_env
         started, processor_started = time.monotonic(), time.process_time()
 
         def note(progress: TrainingProgress) -> None:

@@ -25,7 +25,7 @@ class Ablate:
     """Run nothing; print the table of the results there are."""
     plot: Path | None = None
     """Also draw the learning curves to this file (.png)."""
-    config: AblationConfig = field(default_factory=AblationConfig)
+    config: tyro.conf.OmitArgPrefixes[AblationConfig] = field(default_factory=AblationConfig)
 
     def run(self) -> int:
         """Train what is missing and print a table in Markdown."""

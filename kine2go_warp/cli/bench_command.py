@@ -85,7 +85,7 @@ class Bench:
         from kine2go_warp.bench.gathering import bench_gathering
         from kine2go_warp.bench.training import bench_training
         from kine2go_warp.device import choose_device
-        from kine2go_warp.learning.presets import preset_named
+        from kine2go_warp.learning.presets import find_preset
         from kine2go_warp.motions.config import RetargetConfig
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
         from kine2go_warp.motions.retarget import retarget
@@ -94,7 +94,7 @@ class Bench:
         limit_threads()
         device = choose_device(self.device)
         num_worlds = self.num_worlds or (512 if device == "cpu" else 8192)
-        preset = preset_named(self.preset)
+        preset = find_preset(self.preset)
         preset = replace(preset, env=replace(preset.env, num_worlds=num_worlds))
         clip = retarget(motion_named("dog_trot"), None, InverseKinematics(GO2), RetargetConfig()).clip
         if stage == "env":

@@ -6,8 +6,6 @@ from pathlib import Path
 import tyro
 
 from kine2go_warp.cli.data import data_folder
-from kine2go_warp.errors import PolicyError
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.rollouts.config import GatherConfig
 
 Positional = tyro.conf.Positional
@@ -18,69 +16,6 @@ def limit_threads() -> None:
     import torch
 
     torch.set_num_threads(1)
-
-
-@dataclass(frozen=True)
-class Train:
-    """Train a policy that tracks a clip, or several.
-
-    Ctrl-C stops after the iteration, with a checkpoint from which the same command continues exactly; a second one
-    stops at once.
-    """
-
-    clips: Positional[tuple[Path, ...]]
-    """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
-    out: Path | None = None
-    """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
-    overwrite: bool = False
-    """Start anew if the folder holds a policy of other clips or settings."""
-    processes: int | None = None
-    """Processes that share the simulation; by default one a core on a CPU, one on a GPU. They change no result."""
-    strict: bool = False
-    """Stop at the first fault of the simulation (full buffers, numbers not finite) and save the state before it."""
-    rerun: bool = False
-    """Watch in the Rerun viewer: some worlds beside their references, rewards, errors, lengths of episodes."""
-    rerun_web: bool = False
-    """The same in a browser on this machine, for as long as the training runs."""
-    rerun_save: Path | None = None
-    """Write the same to this file (.rrd) instead."""
-    config: TrainConfig = field(default_factory=TrainConfig)
-
-    def run(self) -> int:
-        """Train with a progress bar."""
-        from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.cli.watching import watching
-        from kine2go_warp.interruption import StopRequest
-        from kine2go_warp.learning.train import train
-        from kine2go_warp.motions.clip import MotionClip
-
-        if not self.clips:
-            raise PolicyError("name at least one clip; 'kine2go retarget' makes them")
-        clips = [MotionClip.load(path) for path in self.clips]
-        limit_threads()
-        name = "+".join(clip.name for clip in clips)
-        folder = self.out or Path("runs/policies") / name
-        message = "stopping after this iteration, with a checkpoint; once more stops at once"
-        watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
-        with StopRequest(message) as stop, watch as audience, Progress() as progress:
-            progress.stage(name, "train")
-            record = train(
-                clips,
-                self.config,
-                folder,
-                self.device,
-                self.overwrite,
-                lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
-                self.processes,
-                self.strict,
-                stop,
-                progress.note,
-                audience,
-            )
-        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
-        return 0
 
 
 @dataclass(frozen=True)
@@ -97,7 +32,7 @@ class Gather:
     """cpu or cuda; by default cuda where there is one."""
     strict: bool = False
     """Stop at the first fault of the simulation and save the state before it beside the policy."""
-    config: GatherConfig = field(default_factory=GatherConfig)
+    config: tyro.conf.OmitArgPrefixes[GatherConfig] = field(default_factory=GatherConfig)
 
     def run(self) -> int:
         """Gather with a progress bar and print a table."""

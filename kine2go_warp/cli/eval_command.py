@@ -42,7 +42,7 @@ class Eval:
     """Replace the file if it is there; the one in the policy folder always is."""
     device: str | None = None
     """cpu or cuda; by default cuda where there is one."""
-    config: EvalConfig = field(default_factory=EvalConfig)
+    config: tyro.conf.OmitArgPrefixes[EvalConfig] = field(default_factory=EvalConfig)
 
     def run(self) -> int:
         """Evaluate with a progress bar, write and draw, and print a table."""

@@ -9,7 +9,7 @@ import tyro
 from kine2go_warp.cli.ablate_command import Ablate
 from kine2go_warp.cli.bench_command import Bench
 from kine2go_warp.cli.check_command import Check
-from kine2go_warp.cli.commands import Doctor, Gather, Train
+from kine2go_warp.cli.commands import Doctor, Gather
 from kine2go_warp.cli.eval_command import Eval
 from kine2go_warp.cli.export_command import Export
 from kine2go_warp.cli.export_policy_command import ExportPolicy
@@ -22,11 +22,11 @@ from kine2go_warp.cli.review_command import Review
 from kine2go_warp.cli.run_command import Demo, Run, Status
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.cli.sim2sim_command import Sim2Sim
+from kine2go_warp.cli.train_command import Train, default_train
 from kine2go_warp.errors import Kine2GoError, explain
 
 Command = (
     Annotated[Retarget, tyro.conf.subcommand("retarget")]
-    | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[Gather, tyro.conf.subcommand("gather")]
     | Annotated[Quality, tyro.conf.subcommand("quality")]
@@ -59,12 +59,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted.
     """
     try:
+        given = sys.argv[1:] if arguments is None else arguments
+        # Its options begin with the settings of the preset that they name.
+        train = Annotated[
+            Train, tyro.conf.subcommand("train", default=default_train(given) if "train" in given else Train())
+        ]
         command = tyro.cli(
-            Command,  # pyright: ignore[reportArgumentType]
+            Command | train,  # pyright: ignore[reportArgumentType]
             prog="kine2go",
             description="From quadruped motion clips to state-action data for the Unitree Go2.",
             args=arguments,
-            config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
+            config=(tyro.conf.OmitSubcommandPrefixes,),
         )
         return command.run()
     except Kine2GoError as error:

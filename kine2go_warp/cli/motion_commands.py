@@ -48,7 +48,7 @@ class Retarget:
     """Draw a picture of each clip beside it."""
     markdown: Path | None = None
     """Write the table of figures to this file, too."""
-    config: RetargetConfig = field(default_factory=RetargetConfig)
+    config: tyro.conf.OmitArgPrefixes[RetargetConfig] = field(default_factory=RetargetConfig)
 
     def run(self) -> int:
         """Retarget, save and print a table."""

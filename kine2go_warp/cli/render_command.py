@@ -1,4 +1,4 @@
-"""The command that makes films of trajectories."""
+"""The command that makes videos of trajectories."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +12,7 @@ Positional = tyro.conf.Positional
 
 @dataclass(frozen=True)
 class Render:
-    """Make a film of one trajectory, or of several side by side: what was recorded, without simulating it again."""
+    """Make a video of one trajectory, or of several side by side: what was recorded, without simulating it again."""
 
     dataset: Positional[Path]
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
@@ -25,9 +25,9 @@ class Render:
     size: str = "640x480"
     """Width and height of the whole picture in pixels."""
     fps: float = 30.0
-    """Pictures a second; the film runs at the speed of the robot."""
+    """Pictures a second; the video runs at the speed of the robot."""
     start: float = 0.0
-    """Where the film begins, in seconds from the first row."""
+    """Where the video begins, in seconds from the first row."""
     end: float | None = None
     """Where it ends; by default at the end of the longest trajectory."""
     columns: int | None = None
@@ -42,14 +42,14 @@ class Render:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.renders.film import RenderConfig, render_film
+        from kine2go_warp.renders.video import RenderConfig, render_video
 
         width, height = parsed_size(self.size)
         config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
         output = console()
         with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
             task = progress.add_task("drawing", total=None)
-            record = render_film(
+            record = render_video(
                 self.dataset,
                 self.motion,
                 self.trajectories or (0,),

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import data_folder
 from kine2go_warp.errors import PipelineError
-from kine2go_warp.learning.config import TrainConfig
-from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.settings import override
 
 if TYPE_CHECKING:
     from kine2go_warp.pipelines.engines.base import Engine
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from kine2go_warp.pipelines.workspace import Workspace
 
 Positional = tyro.conf.Positional
-
-Config = TypeVar("Config", TrainConfig, GatherConfig)
 
 INTERRUPTED = 130
 
@@ -59,14 +56,15 @@ class RecipeOptions:
         from kine2go_warp.pipelines.recipe import load_recipe
 
         recipe = load_recipe(self.recipe, self.set)
-        training = {"iterations": self.iterations, "seed": self.seed}
-        gathering = {"trajectories": self.trajectories, "rows": self.rows, "seed": self.seed}
-        return replace(
-            recipe,
-            motions=self.motions or recipe.motions,
-            train=overridden(recipe.train, training),
-            gather=overridden(recipe.gather, gathering),
-        )
+        given = {
+            "train.ppo.iterations": self.iterations,
+            "train.env.seed": self.seed,
+            "gather.trajectories": self.trajectories,
+            "gather.rows": self.rows,
+            "gather.seed": self.seed,
+        }
+        recipe = override(recipe, {path: value for path, value in given.items() if value is not None}, "options")
+        return replace(recipe, motions=self.motions or recipe.motions)
 
     def workspace(self, recipe: "Recipe") -> "Workspace":
         """Return where the results lie."""
@@ -187,8 +185,3 @@ class Status(RecipeOptions):
         device = self.device or choose_device(None)
         print_status(jobs_of(recipe, workspace, data_folder(self.data), device), self.json)
         return 0
-
-
-def overridden(config: Config, values: dict[str, int | None]) -> Config:
-    """Return settings with those values that are given."""
-    return replace(config, **{name: value for name, value in values.items() if value is not None})

@@ -229,7 +229,7 @@ def describe(
         physics_rate=config.control_rate * config.substeps,
         latency=config.delay_substeps * config.substep_duration,
         action=action_rule(config),
-        normaliser="inside the model" if record.preset.ppo.normalise_observations else "none",
+        normaliser="inside the model" if record.preset.ppo.obs_normalization else "none",
         observation=tuple(
             ObservationRow(row.name, row.start, row.stop, row.unit, row.description)
             for row in observation_layout(config)

@@ -4,10 +4,16 @@ The table perturbs the base's initial position by 1 m, which is as far as an epi
 begins at its reference here.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.settings import check_ranges
+
+CPU_WORLDS, CUDA_WORLDS = 256, 4096
+"""Worlds where the settings leave their number to the device."""
+
+INFINITE = float("inf")
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,9 @@ class ActionConfig:
     latency: float = 0.02
     """Time from an action to its effect at the motors, rounded to physics substeps [s]."""
 
+    def __post_init__(self) -> None:
+        check_ranges(self, scale=(1e-9, INFINITE), clip=(1e-9, INFINITE), latency=(0, 1))
+
 
 @dataclass(frozen=True)
 class MotorConfig:
@@ -34,6 +43,9 @@ class MotorConfig:
     """[N m/rad]"""
     damping: float = 1.5
     """[N m s/rad]"""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, stiffness=(0, INFINITE), damping=(0, INFINITE))
 
 
 @dataclass(frozen=True)
@@ -72,6 +84,10 @@ class ResetConfig:
     angular_velocity: float = 0.2
     """[rad/s]"""
 
+    def __post_init__(self) -> None:
+        widths = ("joint_position", "joint_velocity", "tilt", "linear_velocity", "angular_velocity")
+        check_ranges(self, reference_probability=(0, 1), **dict.fromkeys(widths, (0, INFINITE)))
+
 
 @dataclass(frozen=True)
 class TerminationConfig:
@@ -87,11 +103,8 @@ class TerminationConfig:
     """Simulated time of each world within which they fall to those values [s]."""
 
     def __post_init__(self) -> None:
-        if self.looseness < 1.0 or self.tightening_time < 0.0:
-            raise Kine2GoError(
-                f"looseness is {self.looseness:g} and tightening_time {self.tightening_time:g}; "
-                "they must be at least 1 and 0"
-            )
+        check_ranges(self, max_distance=(1e-9, INFINITE), max_angle=(1e-9, INFINITE))
+        check_ranges(self, looseness=(1, INFINITE), tightening_time=(0, INFINITE))
 
     @property
     def tightens(self) -> bool:
@@ -129,6 +142,7 @@ class RandomizationConfig:
     """Horizontal velocity that a push adds to the base [m/s], its direction being random, drawn for each push."""
 
     def __post_init__(self) -> None:
+        check_ranges(self, **dict.fromkeys(vars(self), (-INFINITE, INFINITE)))
         for name, limits in vars(self).items():
             if len(limits) not in (0, 2) or (limits and not limits[0] <= limits[1]):
                 raise Kine2GoError(f"{name} is {list(limits)}; it must be empty or [least, greatest]")
@@ -158,10 +172,7 @@ class PhaseSamplingConfig:
     """Time before a failure at which its cause is presumed [s]."""
 
     def __post_init__(self) -> None:
-        if self.bins < 1 or not 0.0 <= self.uniform_share <= 1.0 or not 0.0 <= self.memory < 1.0 or self.lookback < 0.0:
-            raise Kine2GoError(
-                "phase sampling needs bins >= 1, 0 <= uniform_share <= 1, 0 <= memory < 1, lookback >= 0"
-            )
+        check_ranges(self, bins=(1, 1e6), uniform_share=(0, 1), memory=(0, 1 - 1e-9), lookback=(0, INFINITE))
 
     @property
     def is_weighted(self) -> bool:
@@ -187,8 +198,8 @@ class TerrainConfig:
     """Seed of the plateaus' heights."""
 
     def __post_init__(self) -> None:
-        if min(self.height, self.length, self.spacing) <= 0.0 or self.spread < 0.0:
-            raise Kine2GoError("height, length and spacing of the terrain must be positive and spread not negative")
+        check_ranges(self, height=(1e-9, INFINITE), length=(1e-9, INFINITE), spacing=(1e-9, INFINITE))
+        check_ranges(self, spread=(0, INFINITE), seed=(0, 2**31 - 1))
 
     @property
     def is_flat(self) -> bool:
@@ -218,12 +229,17 @@ class SolverConfig:
     """Time constant of the joints' stops [s], which are critically damped whatever the inertia; at least two physics
     steps. A joint at the motors' full speed goes 0.08 rad beyond its limit."""
 
+    def __post_init__(self) -> None:
+        check_ranges(self, iterations=(1, 1e4), line_search_iterations=(1, 1e4), tolerance=(0, 1))
+        check_ranges(self, max_contacts=(1, 1e6), max_constraints=(1, 1e6), friction=(0, INFINITE))
+
 
 @dataclass(frozen=True)
 class EnvConfig:
     """Settings of the imitation environment."""
 
     num_worlds: int = 8192
+    """Worlds simulated at once; 0 chooses by the device: 256 on a CPU, 4096 on a GPU."""
     seed: int = 1
     control_rate: float = 60.0
     """[Hz]"""
@@ -248,11 +264,17 @@ class EnvConfig:
     solver: SolverConfig = field(default_factory=SolverConfig)
 
     def __post_init__(self) -> None:
-        if self.num_worlds < 1 or self.control_rate <= 0.0 or self.episode_time <= 0.0 or self.history_length < 1:
-            raise Kine2GoError("num_worlds, control_rate, episode_time and history_length must be positive")
+        check_ranges(self, num_worlds=(0, 1e6), seed=(0, 2**31 - 1), control_rate=(1, 1e4), episode_time=(1e-3, 1e6))
+        check_ranges(self, history_length=(1, 1000), steps_ahead=(0, 1e5))
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
             raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
+
+    def on(self, device: str) -> "EnvConfig":
+        """Return the settings with the number of worlds chosen for a device, such as ``cpu``, where it is left open."""
+        if self.num_worlds:
+            return self
+        return replace(self, num_worlds=CUDA_WORLDS if device.startswith("cuda") else CPU_WORLDS)
 
     @property
     def control_duration(self) -> float:

@@ -51,8 +51,9 @@ class ImitationEnvironment:
             use_graph: Capture the step as one graph. Without it every kernel is launched from Python.
             first_world: Number of the first world: several environments may share the worlds of a larger one.
         """
-        self.config, self.spec, self.clips = config, spec, tuple(clips)
         self.device = wp.get_device(device)
+        self.config = config = config.on(str(self.device))
+        self.spec, self.clips = spec, tuple(clips)
         with wp.ScopedDevice(self.device):
             ground = build_height_field(config.terrain, reach_of(clips, config))
             self.constants = SpecArrays.upload(spec, self.device)

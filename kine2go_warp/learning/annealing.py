@@ -12,14 +12,16 @@ def anneal(algorithm: PPO, config: PpoConfig, iteration: int) -> None:
     They depend on the number of the iteration alone, not on how many are wanted, so that a training which is continued
     for longer goes on as if it had been asked for more at first.
     """
-    if config.final_entropy is not None:
-        algorithm.entropy_coef = annealed(config.entropy, config.final_entropy, iteration, config.annealing)
-    if config.final_noise is not None:
-        limit = annealed(config.initial_noise, config.final_noise, iteration, config.annealing)
+    if config.final_entropy_coef is not None:
+        algorithm.entropy_coef = annealed(
+            config.entropy_coef, config.final_entropy_coef, iteration, config.annealing_iterations
+        )
+    if config.final_std is not None:
+        limit = annealed(config.init_std, config.final_std, iteration, config.annealing_iterations)
         with torch.no_grad():
             algorithm.actor.get_parameter("distribution.std_param").clamp_(max=limit)
 
 
-def annealed(start: float, end: float, iteration: int, annealing: int) -> float:
+def annealed(start: float, end: float, iteration: int, duration: int) -> float:
     """Return a value on its way from one to another, where it stays."""
-    return start + (end - start) * min(iteration / max(annealing, 1), 1.0)
+    return start + (end - start) * min(iteration / duration, 1.0)

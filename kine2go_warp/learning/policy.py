@@ -14,7 +14,7 @@ from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,11 @@ class PolicyFolder:
         try:
             values = json.loads(self.record_file.read_text())
             if values["format_version"] != FORMAT_VERSION:
-                raise PolicyError(f"{self.path}: policy format {values['format_version']}, expected {FORMAT_VERSION}")
+                raise PolicyError(
+                    f"{self.path}: written by version {values['software_version']} in policy format "
+                    f"{values['format_version']}, whose settings have other names; train it again with --overwrite, "
+                    "or use the version that wrote it"
+                )
             return PolicyRecord(
                 preset=from_dictionary(Preset, values["preset"], str(self.record_file), PolicyError),
                 clips=tuple(values["clips"]),

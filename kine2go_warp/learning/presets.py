@@ -1,7 +1,8 @@
 """Named settings for training: the paper's table, minutes instead of hours, and those with domain randomisation."""
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
 
 from kine2go_warp.env.config import (
     ActionConfig,
@@ -13,106 +14,151 @@ from kine2go_warp.env.config import (
     TerminationConfig,
 )
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.objects import load_object
+from kine2go_warp.settings import check_ranges, override
+
+Activation = Literal[
+    "elu", "selu", "relu", "crelu", "lrelu", "tanh", "sigmoid", "softplus", "gelu", "swish", "mish", "identity"
+]
+"""Activation functions that RSL-RL knows."""
+
+ALGORITHM_SETTINGS = (
+    "num_learning_epochs",
+    "num_mini_batches",
+    "clip_param",
+    "gamma",
+    "lam",
+    "value_loss_coef",
+    "use_clipped_value_loss",
+    "entropy_coef",
+    "learning_rate",
+    "max_grad_norm",
+    "schedule",
+    "desired_kl",
+)
+"""Those of ``PpoConfig`` that RSL-RL's algorithm takes."""
+
+MIRRORED_SAMPLES = {
+    "use_data_augmentation": True,
+    "use_mirror_loss": False,
+    "mirror_loss_coeff": 0.0,
+    "data_augmentation_func": "kine2go_warp.learning.symmetry:with_mirrored",
+}
+"""RSL-RL's settings of ``PpoConfig.symmetry``."""
+
+
+INFINITE = float("inf")
 
 
 @dataclass(frozen=True)
 class PpoConfig:
-    """Settings of RSL-RL's PPO. Defaults are the paper's (appendix, hyperparameter table)."""
+    """Settings of RSL-RL's PPO, under its own names. Defaults are the paper's (appendix, hyperparameter table)."""
 
     iterations: int = 10_000
-    steps_per_iteration: int = 24
+    num_steps_per_env: int = 24
     """Control steps of each world between two updates."""
-    hidden_sizes: tuple[int, ...] = (512, 256, 128)
-    activation: str = "elu"
-    normalise_observations: bool = False
-    initial_noise: float = 1.0
-    """Standard deviation of the untrained policy's output."""
-    learning_rate: float = 1e-3
-    schedule: str = "adaptive"
-    desired_kl: float = 0.01
-    clip: float = 0.2
-    entropy: float = 0.01
-    final_entropy: float | None = None
-    """Entropy coefficient after ``annealing`` iterations, to which it falls linearly; by default it stays."""
-    final_noise: float | None = None
-    """Greatest standard deviation after ``annealing`` iterations; the limit falls to it linearly from
-    ``initial_noise``. By default there is none."""
-    annealing: int = 120
-    """[iterations]"""
-    value_loss: float = 1.0
-    max_gradient: float = 1.0
-    epochs: int = 5
-    mini_batches: int = 4
-    symmetry: bool = False
-    """Learn from each sample also mirrored, left for right."""
-    discount: float = 0.99
-    gae_lambda: float = 0.95
     save_interval: int = 100
     """Iterations between two checkpoints."""
+    hidden_dims: tuple[int, ...] = (512, 256, 128)
+    """Layers of actor and critic."""
+    activation: Activation = "elu"
+    obs_normalization: bool = False
+    """Normalise observations by their running mean and deviation."""
+    init_std: float = 1.0
+    """Standard deviation of the untrained policy's actions."""
+    num_learning_epochs: int = 5
+    """Passes over the samples of an iteration."""
+    num_mini_batches: int = 4
+    clip_param: float = 0.2
+    gamma: float = 0.99
+    """Discount of the reward, for each control step."""
+    lam: float = 0.95
+    """Lambda of the generalised advantage estimate."""
+    value_loss_coef: float = 1.0
+    use_clipped_value_loss: bool = True
+    entropy_coef: float = 0.01
+    learning_rate: float = 1e-3
+    max_grad_norm: float = 1.0
+    schedule: Literal["adaptive", "fixed"] = "adaptive"
+    """``adaptive``: the learning rate follows ``desired_kl``."""
+    desired_kl: float = 0.01
+    """KL divergence of an update that ``adaptive`` aims at."""
+    final_entropy_coef: float | None = None
+    """Entropy coefficient after ``annealing_iterations``, reached linearly; by default it stays."""
+    final_std: float | None = None
+    """Greatest standard deviation after ``annealing_iterations``; the limit falls to it linearly from ``init_std``.
+    By default there is none."""
+    annealing_iterations: int = 120
+    symmetry: bool = False
+    """Learn from each sample also mirrored, left for right."""
+
+    def __post_init__(self) -> None:
+        if not self.hidden_dims:
+            raise Kine2GoError("hidden_dims is empty; name the size of at least one layer")
+        check_ranges(self, iterations=(1, 1e9), num_steps_per_env=(1, 1e6), save_interval=(1, INFINITE))
+        check_ranges(self, hidden_dims=(1, 1e5), num_learning_epochs=(1, 1e4), num_mini_batches=(1, 1e6))
+        check_ranges(self, gamma=(0, 1), lam=(0, 1), annealing_iterations=(1, INFINITE))
+        positive = ("init_std", "clip_param", "learning_rate", "max_grad_norm", "desired_kl", "final_std")
+        check_ranges(self, **dict.fromkeys(positive, (1e-12, INFINITE)))
+        weights = ("value_loss_coef", "entropy_coef", "final_entropy_coef")
+        check_ranges(self, **dict.fromkeys(weights, (0, INFINITE)))
 
     def runner_settings(self, seed: int, privileged: bool = False) -> dict[str, Any]:
         """Return the dictionary that RSL-RL's runner takes; ``privileged`` gives the critic its own observations."""
-        network = {
-            "class_name": "MLPModel",
-            "hidden_dims": list(self.hidden_sizes),
-            "activation": self.activation,
-            "obs_normalization": self.normalise_observations,
-        }
-        noise = {"class_name": "GaussianDistribution", "init_std": self.initial_noise, "std_type": "scalar"}
+        values = asdict(self)
+        network = {name: values[name] for name in ("activation", "obs_normalization")}
+        network |= {"class_name": "MLPModel", "hidden_dims": list(self.hidden_dims)}
+        noise = {"class_name": "GaussianDistribution", "init_std": self.init_std, "std_type": "scalar"}
+        symmetry = {**MIRRORED_SAMPLES} if self.symmetry else None
         return {
             "seed": seed,
-            "num_steps_per_env": self.steps_per_iteration,
+            "num_steps_per_env": self.num_steps_per_env,
             "save_interval": self.save_interval,
             "logger": "tensorboard",
             "check_for_nan": False,
             "obs_groups": {"actor": ["policy"], "critic": ["policy", "privileged"] if privileged else ["policy"]},
             "actor": {**network, "distribution_cfg": noise},
-            "critic": dict(network),
+            "critic": network,
             "algorithm": {
                 "class_name": "PPO",
-                "num_learning_epochs": self.epochs,
-                "num_mini_batches": self.mini_batches,
-                "clip_param": self.clip,
-                "gamma": self.discount,
-                "lam": self.gae_lambda,
-                "value_loss_coef": self.value_loss,
-                "use_clipped_value_loss": True,
-                "entropy_coef": self.entropy,
-                "learning_rate": self.learning_rate,
-                "max_grad_norm": self.max_gradient,
-                "schedule": self.schedule,
-                "desired_kl": self.desired_kl,
+                **{name: values[name] for name in ALGORITHM_SETTINGS},
                 "rnd_cfg": None,
-                "symmetry_cfg": self._symmetry() if self.symmetry else None,
+                "symmetry_cfg": symmetry,
             },
-        }
-
-    def _symmetry(self) -> dict[str, Any]:
-        """Return RSL-RL's settings of the mirrored samples."""
-        return {
-            "use_data_augmentation": True,
-            "use_mirror_loss": False,
-            "mirror_loss_coeff": 0.0,
-            "data_augmentation_func": "kine2go_warp.learning.symmetry:with_mirrored",
         }
 
 
 @dataclass(frozen=True)
 class Preset:
-    """Environment and learner together."""
+    """All settings of a training: environment and learner."""
 
+    preset: str = "paper"
+    """Name of the preset that the settings began with: fast, paper, robust, or FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
 
+    def override(self, values: dict[str, Any]) -> "Preset":
+        """Return the preset with some settings replaced by their path, such as ``{"ppo.entropy_coef": 0.01}``.
 
-PAPER = Preset()
+        Raises:
+            Kine2GoError: there is no such setting, or its value is wrong.
+        """
+        return override(self, values, self.preset)
+
+    def on(self, device: str) -> "Preset":
+        """Return the preset with the number of worlds chosen for a device, such as ``cpu``, where it is left open."""
+        return replace(self, env=self.env.on(device))
+
+
+PAPER = Preset("paper")
 
 GENTLE_START = ResetConfig(reference_probability=1.0, joint_position=0.05)
 """Always on the reference, little perturbed."""
 
 FAST = Preset(
+    "fast",
     env=EnvConfig(
-        num_worlds=256,
+        num_worlds=0,
         episode_time=10.0,
         action=ActionConfig(form="reference"),
         motor=MotorConfig(stiffness=60.0, damping=2.0),
@@ -121,11 +167,11 @@ FAST = Preset(
     ),
     ppo=PpoConfig(
         iterations=200,
-        hidden_sizes=(256, 128, 64),
-        normalise_observations=True,
-        initial_noise=0.4,
-        entropy=0.002,
-        discount=0.97,
+        hidden_dims=(256, 128, 64),
+        obs_normalization=True,
+        init_std=0.4,
+        entropy_coef=0.002,
+        gamma=0.97,
         desired_kl=0.03,
         save_interval=20,
     ),
@@ -133,6 +179,7 @@ FAST = Preset(
 
 ROBUST = replace(
     FAST,
+    preset="robust",
     env=replace(
         FAST.env,
         randomization=RandomizationConfig(
@@ -153,15 +200,21 @@ ROBUST = replace(
 )
 """``fast`` with everything drawn that differs between robots, a critic that sees it, and pushes."""
 
-PRESETS = {"paper": PAPER, "fast": FAST, "robust": ROBUST}
+PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST)}
 
 
-def preset_named(name: str) -> Preset:
-    """Return a preset.
+def find_preset(name: str) -> Preset:
+    """Return a preset: one of ours by its name, or ``FILE.py:NAME``, which runs the file and takes that name from it.
 
     Raises:
-        Kine2GoError: there is none of that name.
+        Kine2GoError: there is none of that name, or the file cannot be run.
     """
-    if name not in PRESETS:
-        raise Kine2GoError(f"unknown preset '{name}'; known are: {', '.join(PRESETS)}")
-    return PRESETS[name]
+    if name in PRESETS:
+        return PRESETS[name]
+    file, colon, attribute = name.rpartition(":")
+    if not colon or not file.endswith(".py"):
+        raise Kine2GoError(f"unknown preset '{name}'; known are: {', '.join(PRESETS)}; your own is FILE.py:NAME")
+    found = load_object(name)
+    if not isinstance(found, Preset):
+        raise Kine2GoError(f"{file}: '{attribute}' is no Preset")
+    return replace(found, preset=f"{Path(file).resolve()}:{attribute}")

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from kine2go_warp.device import choose_device, choose_processes
 from kine2go_warp.errors import PolicyError, TrainingDiverged
 from kine2go_warp.files import remove_leftovers
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
 from kine2go_warp.motions.clip import MotionClip
@@ -26,13 +25,14 @@ if TYPE_CHECKING:
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
     """Return a hash of everything that decides which policy training ends with, but for its length."""
-    settings = to_dictionary(replace(preset, ppo=replace(preset.ppo, iterations=0)))
+    settings = to_dictionary(preset)
+    del settings["preset"], settings["ppo"]["iterations"]
     return content_hash([clip.content_hash() for clip in clips], settings)
 
 
 def train(
     clips: Sequence[MotionClip],
-    config: TrainConfig,
+    preset: Preset,
     folder: Path,
     device: str | None = None,
     overwrite: bool = False,
@@ -51,7 +51,7 @@ def train(
 
     Args:
         clips: The clips to track.
-        config: Settings.
+        preset: Settings. As many worlds as suit the device where their number is left open.
         folder: Policy folder. One of the same clips and settings is continued from its newest checkpoint.
         device: Where to train; by default on CUDA where there is one.
         overwrite: Start anew if the folder holds a policy of other clips or settings, which is moved aside.
@@ -73,7 +73,8 @@ def train(
     if len(set(names)) < len(names):
         raise PolicyError(f"each clip needs a name of its own, but they are: {', '.join(names)}")
     device = choose_device(device)
-    preset = config.resolve(device)
+    preset = preset.on(device)
+    choose_processes(processes, preset.env.num_worlds, device)
     fingerprint = training_fingerprint(clips, preset)
     policy = PolicyFolder(folder)
     known = known_record(policy, overwrite)
@@ -223,7 +224,7 @@ class TrainingTask:
                 runner.restore(start.checkpoint)
             on_progress = self.on_progress
             if self.audience is not None:
-                done = runner.current_learning_iteration * ppo.steps_per_iteration
+                done = runner.current_learning_iteration * ppo.num_steps_per_env
                 on_progress = watched(env, self.audience, on_progress, done)
             try:
                 runner.train(ppo.iterations, on_progress, self.should_stop)

@@ -11,7 +11,7 @@ from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.shapes import Motors, Poses, about, multiplied, rotated
 from kine2go_warp.recordings.stream import Colour, Columns
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.robots.spec import UrdfReader
+from kine2go_warp.robots.urdf import UrdfReader
 
 GHOST: Colour = (120, 150, 200, 60)
 """Colour of the reference."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.robots.spec import UrdfReader
+from kine2go_warp.robots.urdf import UrdfReader
 
 Array = NDArray[np.float32]
 

@@ -1,1 +1,1 @@
-"""Pictures and films of what a dataset holds: the recorded states, drawn without a display."""
+"""Pictures and videos of what a dataset holds: the recorded states, drawn without a display."""

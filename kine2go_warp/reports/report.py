@@ -11,8 +11,8 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.reader import MotionData, read_motion
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.renders.artist import Artist
-from kine2go_warp.renders.film import check_output
+from kine2go_warp.renders.process import RenderProcess
+from kine2go_warp.renders.video import check_output
 from kine2go_warp.reports import tables
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
@@ -100,25 +100,25 @@ def write_report(
     check_output(path, overwrite)
     parts = []
     with ExitStack() as stack:
-        artist, note = open_artist(stack) if pictures else (None, "Pictures were not asked for.")
+        renderer, note = open_renderer(stack) if pictures else (None, "Pictures were not asked for.")
         for number, name in enumerate(names):
             if advanced is not None:
                 advanced(number, len(names), name)
-            parts.append(motion_part(dataset, name, f"m{number}", artist, note))
+            parts.append(motion_part(dataset, name, f"m{number}", renderer, note))
     with atomic_file(path) as temporary:
         temporary.write_text(page(dataset, parts), encoding="utf-8")
     return parts
 
 
-def open_artist(stack: ExitStack) -> tuple[Artist | None, str]:
+def open_renderer(stack: ExitStack) -> tuple[RenderProcess | None, str]:
     """Return what draws thumbnails, or why there is nothing that could."""
     try:
-        return stack.enter_context(Artist(WIDTH, HEIGHT)), ""
+        return stack.enter_context(RenderProcess(WIDTH, HEIGHT)), ""
     except RenderError as error:
         return None, f"No pictures: {error}."
 
 
-def motion_part(dataset: Path, name: str, key: str, artist: Artist | None, note: str) -> MotionPart:
+def motion_part(dataset: Path, name: str, key: str, renderer: RenderProcess | None, note: str) -> MotionPart:
     """Compute and draw everything of one motion.
 
     Raises:
@@ -129,8 +129,8 @@ def motion_part(dataset: Path, name: str, key: str, artist: Artist | None, note:
     check_content(dataset, data)
     figures, curves = measure(data, GO2), curves_of(data)
     shown: tuple[Strip, ...] = ()
-    if artist is not None:
-        shown = strips(artist, open_dataset(dataset).motion(name), figures.figures["joint_rmse"])
+    if renderer is not None:
+        shown = strips(renderer, open_dataset(dataset).motion(name), figures.figures["joint_rmse"])
     duration = figures.rows * float(data.time[1] - data.time[0])
     return MotionPart(
         name, figures.rows, duration, data.attributes, figures, coverage_svg(curves, f"{key}c"),

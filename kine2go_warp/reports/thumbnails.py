@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.renders.artist import Artist
-from kine2go_warp.renders.film import read_takes
+from kine2go_warp.renders.process import RenderProcess
+from kine2go_warp.renders.video import read_trajectories
 
 WIDTH, HEIGHT = 320, 240
 """Of a picture [pixels]."""
@@ -56,11 +56,11 @@ def ranked_trajectories(values: NDArray) -> dict[str, int]:
     return once
 
 
-def strips(artist: Artist, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, ...]:
+def strips(renderer: RenderProcess, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, ...]:
     """Draw the best, the median and the worst trajectory of a motion.
 
     Args:
-        artist: Draws pictures of ``WIDTH`` x ``HEIGHT``.
+        renderer: Draws pictures of ``WIDTH`` x ``HEIGHT``.
         motion: The motion.
         joint_rmse: By which they are ranked [rad], shape [num_trajectories].
 
@@ -69,12 +69,14 @@ def strips(artist: Artist, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, 
         DatasetError: the motion cannot be read.
     """
     chosen = ranked_trajectories(joint_rmse)
-    takes = read_takes(motion, list(chosen.values()))
+    trajectories = read_trajectories(motion, list(chosen.values()))
     result = []
-    for rank, take in zip(chosen, takes, strict=True):
-        rows = [round(share * (len(take.time) - 1)) for share in SHARES]
-        shots = tuple(Shot(jpeg_address(artist.draw(take.order(row))), row, float(take.time[row])) for row in rows)
-        result.append(Strip(rank, take.index, float(joint_rmse[take.index]), shots))
+    for rank, trajectory in zip(chosen, trajectories, strict=True):
+        rows = [round(share * (len(trajectory.time) - 1)) for share in SHARES]
+        shots = tuple(
+            Shot(jpeg_address(renderer.draw(trajectory.request(row))), row, float(trajectory.time[row])) for row in rows
+        )
+        result.append(Strip(rank, trajectory.index, float(joint_rmse[trajectory.index]), shots))
     return tuple(result)
 
 

@@ -1,5 +1,6 @@
 """Stages on a Ray cluster. Machines share nothing but the folder of the run and that of the source clips."""
 
+import logging
 import os
 import socket
 from collections.abc import Sequence
@@ -43,7 +44,7 @@ class RayEngine:
         check_reachable(address)
         if not ray.is_initialized():
             try:
-                ray.init(address=address, log_to_driver=False, logging_level="ERROR", configure_logging=False)
+                ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, configure_logging=False)
             except Exception as error:  # noqa: BLE001 - Ray raises errors of many kinds
                 said = " ".join(str(error).split())
                 raise PipelineError(f"no Ray cluster at '{address}' ({said[:200]}); see docs/cluster.md") from None
@@ -80,10 +81,12 @@ class RayEngine:
 
     def _settle(self, reference: Any) -> Outcome:
         """Return the outcome of one task."""
+        from ray.exceptions import RayError
+
         motion, stage = self._running.pop(reference)
         try:
             return self._ray.get(reference)
-        except self._ray.exceptions.RayError as error:
+        except RayError as error:
             why = f"{error.__class__.__name__}: {' '.join(str(error).split())[:200]}"
             return Outcome(motion, stage, "died", why=why)
 

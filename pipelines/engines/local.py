@@ -93,7 +93,8 @@ class LocalEngine:
 
     def _settle(self, worker: Worker) -> Outcome:
         """Take the outcome from a worker, or bury it."""
-        assert worker.job is not None
+        job = worker.job
+        assert job is not None
         try:
             outcome = worker.connection.recv()
             worker.job = None
@@ -102,7 +103,7 @@ class LocalEngine:
             self._workers[worker.number] = None
             ended = worker.process.exitcode
             why = f"signal {-ended}" if ended is not None and ended < 0 else f"exit status {ended}"
-            return Outcome(worker.job.motion, worker.stage, "died", why=f"worker {worker.number} died ({why})")
+            return Outcome(job.motion, worker.stage, "died", why=f"worker {worker.number} died ({why})")
         return outcome
 
     def _spawn(self, number: int) -> Worker:

@@ -28,7 +28,8 @@ class TrainStage:
 
     def inputs(self, job: Job, done: Done) -> dict[str, Any]:
         """Return the clip's content and the resolved settings."""
-        settings = to_dictionary(job.recipe.train.resolve(job.device))
+        settings = to_dictionary(job.recipe.train.on(job.device))
+        del settings["preset"]
         return {"version": 1, "clip": done["retarget"].record.output, "settings": settings}
 
     def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
@@ -61,7 +62,7 @@ class TrainStage:
         """Begin with a copy of a finished training that differs in its number of iterations alone, if there is one."""
         from kine2go_warp.learning.train import training_fingerprint
 
-        preset = job.recipe.train.resolve(job.device)
+        preset = job.recipe.train.on(job.device)
         fingerprint = training_fingerprint([read_clip(job, done)], preset)
         best: tuple[int, Path] | None = None
         for path in folder.parent.glob(f"{job.motion}-{'[0-9a-f]' * 16}"):

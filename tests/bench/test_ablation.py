@@ -20,7 +20,7 @@ from kine2go_warp.learning.presets import FAST, PRESETS
 from kine2go_warp.settings import to_dictionary
 
 FEW = (CHOICES[0], Choice("stiff", "stiffer motors", (("env.motor.stiffness", 90.0),)))
-SMALL = AblationConfig(steps=FAST.env.num_worlds * 24, seeds=2, rollouts=2)
+SMALL = AblationConfig(steps=256 * 24, seeds=2, rollouts=2)
 
 
 def flat(settings, path=""):
@@ -47,7 +47,7 @@ def test_every_training_has_the_same_number_of_steps():
     config = AblationConfig()
     for choice in CHOICES:
         preset = config.preset(choice, seed=2)
-        assert preset.env.num_worlds * preset.ppo.steps_per_iteration * preset.ppo.iterations == config.steps
+        assert preset.env.num_worlds * preset.ppo.num_steps_per_env * preset.ppo.iterations == config.steps
         assert preset.env.seed == 2
 
 

@@ -20,17 +20,17 @@ def failing(capsys, *arguments):
 
 
 @pytest.mark.usefixtures("can_draw")
-def test_a_film_is_made_and_said_what_it_is(walks, tmp_path, capsys):
+def test_a_video_is_made_and_said_what_it_is(walks, tmp_path, capsys):
     out = tmp_path / "walk.gif"
     arguments = ["render", str(walks), "walk", "0", "2", "--out", str(out), "--size", "200x80", "--fps", "10"]
     assert main(arguments) == 0
     assert "10 pictures of 200x80, 1.0 s at 10 a second" in capsys.readouterr().out
-    with Image.open(out) as film:
-        assert (film.size, film.n_frames) == ((200, 80), 10)
+    with Image.open(out) as video:
+        assert (video.size, video.n_frames) == ((200, 80), 10)
     assert "--overwrite" in failing(capsys, *arguments[1:])
     assert main([*arguments, "--overwrite", "--end", "0.5", "--no-reference"]) == 0
-    with Image.open(out) as film:
-        assert film.n_frames == 6
+    with Image.open(out) as video:
+        assert video.n_frames == 6
 
 
 @pytest.mark.parametrize(
@@ -39,8 +39,8 @@ def test_a_film_is_made_and_said_what_it_is(walks, tmp_path, capsys):
         (("wolf", "--out", "a.mp4"), "no motion 'wolf'; it has: stroll, walk"),
         (("walk", "3", "--out", "a.mp4"), "no trajectory 3; it has trajectories 0 to 2"),
         (("walk", "0", "9", "--out", "a.mp4"), "no trajectory 9"),
-        (("walk", "--out", "a.avi"), "films end in .mp4 or .gif, not '.avi'"),
-        (("walk", "--out", "a"), "films end in"),
+        (("walk", "--out", "a.avi"), "videos end in .mp4 or .gif, not '.avi'"),
+        (("walk", "--out", "a"), "videos end in"),
         (("walk", "--out", "nowhere/a.mp4"), "nowhere: no such folder"),
         (("walk", "--out", "folder.mp4"), "is a folder"),
         (("walk", "--out", "a.mp4", "--size", "big"), "such as 640x480, not 'big'"),

@@ -15,7 +15,7 @@ from tests.pipelines.helpers import TINY
 
 LIMITS = [f"gather.{name}={value}" for name, value in vars(TINY.gather).items() if name.startswith("max_")]
 SETTINGS = ["--iterations", "2", "--trajectories", "3", "--rows", "20", "--device", "cpu"]
-SETTINGS += ["--set", "train.num_worlds=8", "gather.warm_up=0.1", "record.trajectories=1", *LIMITS]
+SETTINGS += ["--set", "train.env.num_worlds=8", "gather.warm_up=0.1", "record.trajectories=1", *LIMITS]
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_status_says_that_all_is_done(finished, capsys):
 def test_status_says_what_a_changed_setting_would_cost_and_changes_nothing(finished, capsys):
     before = sorted(finished.rglob("*"))
     capsys.readouterr()
-    assert main(["status", "demo", "--out", str(finished), "--json", *SETTINGS, "train.seed=5"]) == 0
+    assert main(["status", "demo", "--out", str(finished), "--json", *SETTINGS, "train.env.seed=5"]) == 0
     (motion,) = json.loads(capsys.readouterr().out)["motions"]
     assert motion["next_stage"] == "train"
     assert "settings.env.seed 1 -> 5" in motion["why"]

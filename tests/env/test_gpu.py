@@ -8,8 +8,8 @@ import warp as wp
 
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
@@ -44,7 +44,7 @@ def test_the_captured_graph_follows_eager_execution(clip, small_config):
 
 
 def test_training_and_gathering_use_the_gpu_without_being_told(clip, tmp_path):
-    train([clip], TrainConfig(num_worlds=512, iterations=3), tmp_path / "policy")
+    train([clip], FAST.override({"env.num_worlds": 512, "ppo.iterations": 3}), tmp_path / "policy")
     writer = DatasetWriter(tmp_path / "dataset.zarr", GO2)
     loose = GatherConfig(trajectories=16, rows=40, **ANYTHING_GOES)
     result = gather(PolicyFolder(tmp_path / "policy"), writer, loose)

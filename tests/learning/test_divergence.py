@@ -10,14 +10,13 @@ from rsl_rl.algorithms import PPO
 
 from kine2go_warp.errors import TrainingDiverged
 from kine2go_warp.interruption import TrainingInterrupted
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.divergence import DivergenceWatch
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.learning.presets import PRESETS
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import slower, train
 from tests.learning.helpers import StopAfter, assert_same_training
 
-TINY = TrainConfig(num_worlds=16, iterations=4)
+TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 4})
 
 HEALTHY = {
     "walk": [14, 79, 116, 116, 125, 140, 156, 167, 197, 220, 242, 264, 280, 320, 422, 557, 581, 588, 585, 585, 600],
@@ -100,7 +99,7 @@ def poison(monkeypatch):
     return at
 
 
-def test_a_training_that_diverges_begins_again_once_and_learns_more_slowly(clip, tmp_path, poison, monkeypatch):
+def test_a_training_that_diverges_begins_again_once_and_learns_more_slowly(clip, tmp_path, poison):
     poison(3)
     folder, notes = tmp_path / "policy", []
     arguments = ([clip], TINY, folder, "cpu")
@@ -114,9 +113,7 @@ def test_a_training_that_diverges_begins_again_once_and_learns_more_slowly(clip,
     assert [reason in note and "learning rate of 0.00033" in note for note in notes] == [True]
     assert [path.name for path in PolicyFolder(folder / "diverged").checkpoints()] == ["model_0.pt"]
     assert list((folder / "diverged").glob("events.out.*"))
-    fast = PRESETS["fast"]
-    monkeypatch.setitem(PRESETS, "fast", replace(fast, ppo=slower(fast.ppo)))
-    train([clip], TINY, tmp_path / "slower", "cpu", processes=1)
+    train([clip], replace(TINY, ppo=slower(TINY.ppo)), tmp_path / "slower", "cpu", processes=1)
     assert_same_training(folder, tmp_path / "slower")
 
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,24 +16,16 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.checkpoint import load_checkpoint, write_checkpoint
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
-from kine2go_warp.learning.presets import FAST, PRESETS, ROBUST
+from kine2go_warp.learning.presets import FAST, ROBUST
 from kine2go_warp.learning.train import ResumePoint, TrainingTask, resume_point, train
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
 from tests.killing import KillableWorker, spread_moments
 from tests.learning.helpers import StopAfter, assert_same_training
 
-TINY = TrainConfig(num_worlds=16, iterations=4)
-
-FREQUENT = replace(FAST, ppo=replace(FAST.ppo, save_interval=1))
+TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 4, "ppo.save_interval": 1})
 """A checkpoint after each iteration."""
-
-
-@pytest.fixture(autouse=True)
-def frequent_checkpoints(monkeypatch):
-    monkeypatch.setitem(PRESETS, "fast", FREQUENT)
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +39,8 @@ def undisturbed(clip, tmp_path_factory):
 def stopped_once(clip, tmp_path_factory):
     """A training stopped after three iterations; each has a checkpoint, and the last two are kept."""
     folder = tmp_path_factory.mktemp("stopped") / "policy"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(PRESETS, "fast", FREQUENT)
-        with pytest.raises(TrainingInterrupted):
-            train([clip], TINY, folder, "cpu", processes=1, should_stop=StopAfter(3))
+    with pytest.raises(TrainingInterrupted):
+        train([clip], TINY, folder, "cpu", processes=1, should_stop=StopAfter(3))
     assert [path.name for path in PolicyFolder(folder).checkpoints()] == ["model_1.pt", "model_2.pt"]
     return folder
 
@@ -215,7 +204,18 @@ def is_running(process: str) -> bool:
 def train_command(clip, tmp_path: Path, folder: Path) -> list[str]:
     """The command that trains ``TINY``."""
     clip.save(tmp_path / "clip.npz")
-    settings = ["--num-worlds", "16", "--iterations", "4", "--processes", "1", "--device", "cpu"]
+    settings = [
+        "--num-worlds",
+        "16",
+        "--iterations",
+        "4",
+        "--ppo.save-interval",
+        "1",
+        "--processes",
+        "1",
+        "--device",
+        "cpu",
+    ]
     return ["train", str(tmp_path / "clip.npz"), "--out", str(folder), *settings]
 
 

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from kine2go_warp.env.config import ActionConfig, RandomizationConfig
+from kine2go_warp.env.config import CPU_WORLDS, CUDA_WORLDS, ActionConfig, RandomizationConfig
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.learning.config import CUDA_WORLDS, TrainConfig
-from kine2go_warp.learning.presets import FAST, PAPER, ROBUST, Preset, preset_named
+from kine2go_warp.learning.presets import FAST, PAPER, ROBUST, Preset, find_preset
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 
@@ -57,7 +56,7 @@ def test_settings_survive_the_way_through_a_file(preset):
         ({"env": {"worlds": 3}}, "unknown key.*worlds"),
         ({"env": {"num_worlds": "many"}}, "env.num_worlds"),
         ({"env": {"action": {"form": "torque"}}}, "env.action.form"),
-        ({"ppo": {"hidden_sizes": [64, "x"]}}, "ppo.hidden_sizes"),
+        ({"ppo": {"hidden_dims": [64, "x"]}}, "ppo.hidden_dims"),
     ],
 )
 def test_wrong_settings_are_named(values, message):
@@ -72,14 +71,14 @@ def test_whole_numbers_may_stand_for_real_ones():
 
 
 def test_fast_takes_more_worlds_on_a_gpu_and_overrides_win():
-    assert TrainConfig().resolve("cpu").env.num_worlds == FAST.env.num_worlds
-    assert TrainConfig().resolve("cuda:0").env.num_worlds == CUDA_WORLDS
-    assert TrainConfig(preset="paper").resolve("cpu").env.num_worlds == 8192
-    resolved = TrainConfig(num_worlds=7, iterations=2, seed=9).resolve("cuda:0")
+    assert FAST.on("cpu").env.num_worlds == CPU_WORLDS == 256
+    assert ROBUST.on("cuda:0").env.num_worlds == CUDA_WORLDS == 4096
+    assert PAPER.on("cpu").env.num_worlds == PAPER.on("cuda:0").env.num_worlds == 8192
+    resolved = FAST.override({"env.num_worlds": 7, "ppo.iterations": 2, "env.seed": 9}).on("cuda:0")
     assert (resolved.env.num_worlds, resolved.ppo.iterations, resolved.env.seed) == (7, 2, 9)
     np.testing.assert_equal(resolved.env.reward, FAST.env.reward)
 
 
 def test_an_unknown_preset_is_named():
     with pytest.raises(Kine2GoError, match="unknown preset 'slow'; known are: paper, fast"):
-        preset_named("slow")
+        find_preset("slow")

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from dataclasses import replace
 
 import pytest
 import torch
@@ -13,9 +12,8 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.cli.progress import Progress
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.interruption import TrainingInterrupted
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.learning.presets import PRESETS, ROBUST, Preset
+from kine2go_warp.learning.presets import FAST, ROBUST
 from kine2go_warp.learning.runner import ImitationRunner
 from kine2go_warp.learning.train import ResumePoint, resume_point, train
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
@@ -24,16 +22,17 @@ from tests.learning.helpers import StopAfter, assert_same_training
 ITERATIONS = 4
 
 
-@pytest.fixture(autouse=True)
-def everything_changes(monkeypatch):
-    """The preset ``robust`` with pushes within these short trainings, and with limits, noise and entropy that fall."""
-    env = replace(
-        ROBUST.env,
-        randomization=replace(ROBUST.env.randomization, push_interval=(0.2, 0.6)),
-        termination=replace(ROBUST.env.termination, looseness=2.0, tightening_time=1.2),
-    )
-    ppo = replace(ROBUST.ppo, final_noise=0.2, final_entropy=0.0, annealing=3)
-    monkeypatch.setitem(PRESETS, "robust", Preset(env, ppo))
+SHORT = {"env.num_worlds": 16, "ppo.iterations": ITERATIONS}
+EVERYTHING_CHANGES = {
+    "env.randomization.push_interval": (0.2, 0.6),
+    "env.termination.looseness": 2.0,
+    "env.termination.tightening_time": 1.2,
+    "ppo.final_std": 0.2,
+    "ppo.final_entropy_coef": 0.0,
+    "ppo.annealing_iterations": 3,
+}
+"""Pushes within these short trainings, and limits, noise and entropy that fall."""
+TRAININGS = {"fast": FAST.override(SHORT), "robust": ROBUST.override({**SHORT, **EVERYTHING_CHANGES})}
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +43,7 @@ def undisturbed(clip, tmp_path_factory):
     def made(preset, processes):
         if (preset, processes) not in done:
             folder = done[preset, processes] = tmp_path_factory.mktemp(preset) / "policy"
-            train([clip], TrainConfig(preset, num_worlds=16, iterations=ITERATIONS), folder, "cpu", processes=processes)
+            train([clip], TRAININGS[preset], folder, "cpu", processes=processes)
         return done[preset, processes]
 
     return made
@@ -63,7 +62,7 @@ def undisturbed(clip, tmp_path_factory):
 def test_a_resumed_training_gives_the_same_bits(clip, tmp_path, undisturbed, preset, processes, stops):
     """Stopped after so many iterations each time, in so many processes."""
     folder = tmp_path / "policy"
-    arguments = ([clip], TrainConfig(preset, num_worlds=16, iterations=ITERATIONS), folder, "cpu")
+    arguments = ([clip], TRAININGS[preset], folder, "cpu")
     for number, stop in zip(processes, stops, strict=False):
         with pytest.raises(TrainingInterrupted, match=r"model_\d\.pt holds all of it"):
             train(*arguments, processes=number, should_stop=StopAfter(stop))
@@ -80,13 +79,13 @@ ON_GPU = [pytest.mark.gpu, pytest.mark.skipif(not wp.is_cuda_available(), reason
 @pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=ON_GPU)])
 def test_a_restored_training_is_where_the_checkpoint_was_written(clip, tmp_path, device):
     """On a GPU as well. What follows has the same bits on the CPU; a GPU adds in an order that differs each time."""
-    config = TrainConfig("robust", num_worlds=16, iterations=3)
+    config = TRAININGS["robust"].override({"ppo.iterations": 3})
     with pytest.raises(TrainingInterrupted):
         train([clip], config, tmp_path / "stopped", device, processes=1, should_stop=StopAfter(2))
     start = resume_point(PolicyFolder(tmp_path / "stopped"), 3, pytest.fail)
     assert start is not None
     share_stream(device)
-    preset, again = config.resolve(device), PolicyFolder(tmp_path / "again")
+    preset, again = config, PolicyFolder(tmp_path / "again")
     env = ImitationVecEnv(ImitationEnvironment([clip], preset.env, device))
     runner = ImitationRunner(env, preset.ppo, again.path, preset.env.seed)
     runner.restore(start.checkpoint)
@@ -108,14 +107,14 @@ def test_phases_learned_by_two_processes_are_continued_by_two(tmp_path):
 def test_more_iterations_go_on_as_if_they_had_been_asked_for_at_once(clip, tmp_path, undisturbed):
     folder = tmp_path / "policy"
     for iterations in (2, ITERATIONS):
-        train([clip], TrainConfig(num_worlds=16, iterations=iterations), folder, "cpu", processes=1)
+        train([clip], FAST.override({**SHORT, "ppo.iterations": iterations}), folder, "cpu", processes=1)
     assert_same_training(folder, undisturbed("fast", 1))
 
 
 def test_the_log_of_a_resumed_training_holds_each_iteration_once(clip, tmp_path):
     """Also those that were logged after the last checkpoint and then done again."""
     folder = tmp_path / "policy"
-    arguments = ([clip], TrainConfig(num_worlds=16, iterations=ITERATIONS), folder, "cpu")
+    arguments = ([clip], TRAININGS["fast"], folder, "cpu")
 
     def die_after_three(state):
         if state.iteration == 3:

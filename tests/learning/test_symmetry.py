@@ -10,7 +10,6 @@ from tensordict import TensorDict
 from kine2go_warp.env.config import ResetConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout, privileged_layout
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.presets import PRESETS
 from kine2go_warp.learning.symmetry import Mirrored, mirrored_output, with_mirrored
 from kine2go_warp.learning.train import train
@@ -109,9 +108,8 @@ def test_the_joints_are_named_in_the_order_that_is_swapped():
 
 
 @pytest.mark.parametrize("name", ["fast", "robust"])
-def test_training_with_symmetry_runs(clip, tmp_path, monkeypatch, name):
-    preset = PRESETS[name]
-    monkeypatch.setitem(PRESETS, name, replace(preset, ppo=replace(preset.ppo, symmetry=True)))
-    record = train([clip], TrainConfig(name, num_worlds=16, iterations=1), tmp_path / "policy", "cpu")
+def test_training_with_symmetry_runs(clip, tmp_path, name):
+    preset = PRESETS[name].override({"env.num_worlds": 16, "ppo.iterations": 1, "ppo.symmetry": True})
+    record = train([clip], preset, tmp_path / "policy", "cpu")
     assert record.preset.ppo.symmetry
     assert record.complete

@@ -5,16 +5,14 @@ import numpy as np
 import pytest
 import torch
 
-from kine2go_warp.env.config import SolverConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import PolicyError, SimulationError
 from kine2go_warp.learning.checkpoint import load_checkpoint
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.learning.presets import FAST, PRESETS
+from kine2go_warp.learning.presets import FAST, ROBUST
 from kine2go_warp.learning.train import train
 
-TINY = TrainConfig(num_worlds=8, iterations=2)
+TINY = FAST.override({"env.num_worlds": 8, "ppo.iterations": 2})
 
 
 def test_training_leaves_a_folder_that_stands_on_its_own(policy, clip):
@@ -39,7 +37,7 @@ def test_progress_is_reported(clip, tmp_path):
 
 def test_an_interrupted_training_continues_from_its_checkpoint(clip, tmp_path):
     folder = tmp_path / "policy"
-    config = replace(TINY, iterations=25)
+    config = TINY.override({"ppo.iterations": 25})
 
     def stop_at_22(state):
         if state.iteration == 22:
@@ -65,10 +63,10 @@ def test_a_folder_of_other_settings_is_not_overwritten_unasked(clip, tmp_path):
     train([clip], TINY, folder, "cpu")
     before = PolicyFolder(folder).checkpoint_hash()
     with pytest.raises(PolicyError, match="--overwrite"):
-        train([clip], replace(TINY, seed=5), folder, "cpu")
+        train([clip], TINY.override({"env.seed": 5}), folder, "cpu")
     assert PolicyFolder(folder).checkpoint_hash() == before
     old = PolicyFolder(folder).read_record().fingerprint
-    train([clip], replace(TINY, seed=5), folder, "cpu", overwrite=True)
+    train([clip], TINY.override({"env.seed": 5}), folder, "cpu", overwrite=True)
     assert PolicyFolder(folder).checkpoint_hash() != before
     assert PolicyFolder(folder.with_name(f"policy.{old}")).checkpoint_hash() == before, "moved aside, not deleted"
 
@@ -79,13 +77,13 @@ def test_checkpoints_of_a_policy_that_is_gone_are_not_continued(clip, tmp_path):
     train([clip], TINY, folder, "cpu")
     (folder / "policy.json").unlink()
     seen = []
-    train([clip], replace(TINY, seed=3), folder, "cpu", on_progress=seen.append)
+    train([clip], TINY.override({"env.seed": 3}), folder, "cpu", on_progress=seen.append)
     assert [state.iteration for state in seen] == [1, 2]
 
 
 def test_fewer_iterations_than_are_done_change_nothing(clip, tmp_path):
     folder = tmp_path / "policy"
-    train([clip], replace(TINY, iterations=3), folder, "cpu")
+    train([clip], TINY.override({"ppo.iterations": 3}), folder, "cpu")
     before = PolicyFolder(folder).checkpoint_hash()
     assert train([clip], TINY, folder, "cpu", overwrite=True).iterations == 3
     assert PolicyFolder(folder).checkpoint_hash() == before
@@ -104,7 +102,7 @@ def test_more_iterations_continue_a_finished_policy(clip, tmp_path):
     folder = tmp_path / "policy"
     train([clip], TINY, folder, "cpu")
     seen = []
-    train([clip], replace(TINY, iterations=3), folder, "cpu", on_progress=seen.append)
+    train([clip], TINY.override({"ppo.iterations": 3}), folder, "cpu", on_progress=seen.append)
     assert [state.iteration for state in seen] == [3]
 
 
@@ -157,7 +155,12 @@ def test_a_folder_with_files_of_the_users_is_left_in_place(clip, tmp_path):
 
 
 def test_the_robust_preset_trains_on_rough_ground_with_a_critic_that_sees_more(clip, tmp_path):
-    record = train([clip], TrainConfig("robust", num_worlds=16, iterations=2, terrain="waves"), tmp_path / "p", "cpu")
+    record = train(
+        [clip],
+        ROBUST.override({"env.num_worlds": 16, "ppo.iterations": 2, "env.terrain.kind": "waves"}),
+        tmp_path / "p",
+        "cpu",
+    )
     assert record.complete
     weights = load_checkpoint(PolicyFolder(tmp_path / "p").latest_checkpoint(), "cpu")
     actor_inputs = weights["actor_state_dict"]["mlp.0.weight"].shape[1]
@@ -166,7 +169,9 @@ def test_the_robust_preset_trains_on_rough_ground_with_a_critic_that_sees_more(c
 
 
 def test_several_clips_train_one_policy(clip, standing_clip, tmp_path):
-    record = train([clip, standing_clip], TrainConfig(num_worlds=16, iterations=1), tmp_path / "policy", "cpu")
+    record = train(
+        [clip, standing_clip], FAST.override({"env.num_worlds": 16, "ppo.iterations": 1}), tmp_path / "policy", "cpu"
+    )
     assert record.clips == ("dog_trot.npz", "standing.npz")
     policy = PolicyFolder(tmp_path / "policy")
     assert policy.motions() == ("dog_trot", "standing")
@@ -187,9 +192,8 @@ def test_an_environment_of_several_clips_begins_episodes_in_all_of_them(clip, st
     assert counts.min() > 16
 
 
-def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path, monkeypatch):
-    cramped = replace(FAST, env=replace(FAST.env, solver=SolverConfig(max_contacts=4, max_constraints=16)))
-    monkeypatch.setitem(PRESETS, "fast", cramped)
+def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path):
+    cramped = FAST.override({"env.solver.max_contacts": 4, "env.solver.max_constraints": 16, "env.num_worlds": 32})
     with pytest.raises(SimulationError, match=r"overflow in world \d+ of 32.*fault_world_\d+\.npz"):
-        train([clip], TrainConfig(num_worlds=32, iterations=20), tmp_path / "policy", "cpu", strict=True)
+        train([clip], cramped.override({"ppo.iterations": 20}), tmp_path / "policy", "cpu", strict=True)
     assert list((tmp_path / "policy").glob("fault_world_*.npz"))

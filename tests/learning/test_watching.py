@@ -8,9 +8,9 @@ import torch
 
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.kernels.rewards import REWARD_TERMS
-from kine2go_warp.learning.config import TrainConfig
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.learning.watching import BLOCK, INTERVAL, NUM_WORLDS, STRETCH, Watcher
@@ -75,7 +75,7 @@ def test_stretches_begin_at_intervals_and_are_whole(environment, clock):
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_a_watched_training_ends_with_the_same_policy(clip, tmp_path, processes):
-    config, eyes = TrainConfig(num_worlds=8, iterations=3), Eyes()
+    config, eyes = FAST.override({"env.num_worlds": 8, "ppo.iterations": 3}), Eyes()
     train([clip], config, tmp_path / "watched", "cpu", processes=processes, audience=eyes)
     train([clip], config, tmp_path / "alone", "cpu", processes=processes)
     watched, alone = (PolicyFolder(tmp_path / name).checkpoint_hash() for name in ("watched", "alone"))

@@ -1,18 +1,14 @@
 """A process that trains on demand, each time in a child that may be killed: CLIP FOLDER_OF_THE_FIRST."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-from kine2go_warp.learning.config import TrainConfig
-from kine2go_warp.learning.presets import FAST, PRESETS
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.motions.clip import MotionClip
 from tests.killing import serve
 
-TINY = TrainConfig(num_worlds=16, iterations=6)
-
-PRESETS["fast"] = replace(FAST, ppo=replace(FAST.ppo, save_interval=1))
+TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 6, "ppo.save_interval": 1})
 
 
 def train_in(folder: str) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from kine2go_warp.dataset.content import dataset_content
-from kine2go_warp.learning.config import TrainConfig
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.motions.generator import DogGait, generate, write_ai4animation
 from kine2go_warp.pipelines.engines.inline import InlineEngine
 from kine2go_warp.pipelines.events import RunObserver
@@ -17,7 +17,7 @@ from tests.conftest import ANYTHING_GOES
 TINY = Recipe(
     name="tiny",
     motions=("dog_trot",),
-    train=TrainConfig(num_worlds=8, iterations=2),
+    train=FAST.override({"env.num_worlds": 8, "ppo.iterations": 2}),
     gather=GatherConfig(trajectories=3, rows=20, warm_up=0.1, **ANYTHING_GOES),
     record=RecordConfig(trajectories=1),
 )

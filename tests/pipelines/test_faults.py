@@ -146,7 +146,7 @@ def command(folder: Path, *options: str) -> list[str]:
     """The command that runs the demo in a few seconds."""
     code = "from kine2go_warp.cli.main import entry_point; entry_point()"
     loose = [f"gather.{name}={value}" for name, value in vars(TINY.gather).items() if name.startswith("max_")]
-    settings = ["train.num_worlds=8", "gather.warm_up=0.1", *loose]
+    settings = ["train.env.num_worlds=8", "gather.warm_up=0.1", *loose]
     sizes = ["--iterations", "400", "--trajectories", "3", "--rows", "20"]
     where = ["--out", str(folder), "--workers", "2", "--device", "cpu"]
     return [sys.executable, "-c", code, "run", "demo", *where, *sizes, "--set", *settings, *options]
@@ -225,7 +225,7 @@ def test_a_folder_that_cannot_be_written_fails_in_one_line(tmp_path, monkeypatch
     run(TINY, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr("kine2go_warp.pipelines.artefacts.flush_folder", refuse)
-        result, _ = run(replace(TINY, train=replace(TINY.train, seed=5)), tmp_path)
+        result, _ = run(replace(TINY, train=TINY.train.override({"env.seed": 5})), tmp_path)
         assert "no permission to write or read here" in result.failed["dog_trot"].why
     result, listener = run(TINY, tmp_path)
     assert listener.stages == []

@@ -38,7 +38,7 @@ def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():
         ("name = '../a'\nmotions = ['dog_trot']", "line 1: name '../a' is no name of a folder"),
         ("name = 'a'\nmotions = ['dog_trot']\nspeed = 3", "line 3: unknown key.*speed"),
         ("name = 'a'\nmotions = ['dog_trot']\n[train]\nitertions = 3", r"line 4, \[train\]: unknown key.*itertions"),
-        ("name = 'a'\nmotions = ['dog_trot']\n[train]\nseed = 1\n[gather]\nrows = 'many'", r"line 6, \[gather\].*rows"),
+        ("name = 'a'\nmotions = ['b']\n[train.env]\nseed = 1\n[gather]\nrows = 'many'", r"line 6, \[gather\].*rows"),
         ("name = 'a'\nmotions = ['dog_trot']\n[gather]\nrows = 1", r"line 3, \[gather\]:.*rows at least 2"),
         ("name = 'a'\nmotions = ['b']\n[gather.randomization]\nfrction = [1, 2]", "unknown key.*randomization.frction"),
         ("name = 'a'\nmotions = ['dog_trot']\n[record]\ntrajectories = 'all'", "line 4.*record.trajectories"),
@@ -72,8 +72,8 @@ def test_settings_can_be_replaced_one_by_one():
     ("override", "message"),
     [
         ("train.seed", "expected KEY=VALUE"),
-        ("train.sed=1", "--set.*unknown key.*sed"),
-        ("train.seed=many", r"--set.*\[train\].*seed"),
+        ("train.env.sed=1", "--set.*unknown key.*train.env.sed.*near ones are: train.env.seed"),
+        ("train.env.seed=many", r"--set.*\[train.env\].*seed"),
         ("name.part=1", "'name' is not a section"),
     ],
 )

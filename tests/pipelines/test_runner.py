@@ -119,10 +119,10 @@ def test_a_clip_that_comes_out_the_same_is_not_trained_on_again(finished):
 
 def test_more_iterations_continue_the_policy_that_is_there(finished, tmp_path):
     folder, *_ = finished
-    longer = replace(TINY, train=replace(TINY.train, iterations=4))
+    longer = replace(TINY, train=TINY.train.override({"ppo.iterations": 4}))
     result, _ = run(longer, folder)
     assert result.failed == {}
-    assert f"{longer.train.iterations}" in Workspace(folder).log("dog_trot").read_text()
+    assert f"{longer.train.ppo.iterations}" in Workspace(folder).log("dog_trot").read_text()
     run(longer, tmp_path)
     assert content(folder) == content(tmp_path), "the same as at once"
 
@@ -201,7 +201,7 @@ def test_two_runs_on_one_folder_are_refused_with_who_is_there(tmp_path):
 
 
 def test_a_run_that_is_stopped_between_stages_goes_on_where_it_was(tmp_path):
-    recipe = replace(TINY, train=replace(TINY.train, iterations=6))
+    recipe = replace(TINY, train=TINY.train.override({"ppo.iterations": 6}))
     looks = iter(range(100))
     workspace = Workspace(tmp_path / "stopped")
     result, _ = run(recipe, workspace.root, should_stop=lambda: next(looks) >= 1)

@@ -3,9 +3,9 @@
 import pytest
 
 from kine2go_warp.dataset import open_dataset
-from kine2go_warp.renders.film import read_takes
+from kine2go_warp.renders.video import read_trajectories
 
 
 @pytest.fixture(scope="session")
-def takes(walks):
-    return read_takes(open_dataset(walks).motion("walk"), [0, 1, 2])
+def trajectories(walks):
+    return read_trajectories(open_dataset(walks).motion("walk"), [0, 1, 2])

@@ -13,7 +13,7 @@ from PIL import Image
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.errors import RenderError
-from kine2go_warp.renders import artist
+from kine2go_warp.renders import process
 from kine2go_warp.reports.report import default_path, write_report
 from kine2go_warp.reports.tables import HEADLINES
 from kine2go_warp.scores.registry import METRICS
@@ -137,7 +137,7 @@ def test_texts_of_a_dataset_cannot_become_part_of_the_page(walks, tmp_path):
 
 def test_without_a_library_to_draw_with_the_page_says_so(walks, tmp_path, monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(artist.ctypes.util, "find_library", lambda _: None)
+    monkeypatch.setattr(process.ctypes.util, "find_library", lambda _: None)
     parts = write_report(walks, tmp_path / "page.html", motions=["walk"])
     html = (tmp_path / "page.html").read_text()
     assert "No pictures: no OpenGL library" in html

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
-from kine2go_warp.renders.artist import HELP
 from kine2go_warp.renders.camera import View
+from kine2go_warp.renders.process import HELP
 from kine2go_warp.renders.scene import ROBOT_GROUP, Scene, shown_shapes
 
 mujoco: Any = mujoco_package  # its module is compiled: type checkers do not know what is in it
@@ -39,7 +39,7 @@ def open_context(library: str, width: int, height: int) -> Any:
     return context
 
 
-class Canvas:
+class OffscreenRenderer:
     """Draws a scene. Use it as a context manager."""
 
     def __init__(self, scene: Scene, width: int, height: int, library: str) -> None:
@@ -68,7 +68,7 @@ class Canvas:
             self._context.free()
             raise RenderError(f"cannot draw {width}x{height} pixels here ({error}); choose a smaller size") from None
 
-    def __enter__(self) -> "Canvas":
+    def __enter__(self) -> "OffscreenRenderer":
         return self
 
     def __exit__(

@@ -1,0 +1,139 @@
+"""The command that trains, and its settings: a preset, over it a file, over that the options."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.errors import PolicyError
+from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, find_preset
+from kine2go_warp.settings import to_dictionary, to_toml
+
+Positional = tyro.conf.Positional
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a policy that tracks a clip, or several.
+
+    Ctrl-C stops after the iteration, with a checkpoint from which the same command continues exactly; a second one
+    stops at once.
+    """
+
+    clips: Positional[tuple[Path, ...]] = ()
+    """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
+    out: Path | None = None
+    """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
+    device: str | None = None
+    """cpu or cuda; by default cuda where there is one."""
+    overwrite: bool = False
+    """Start anew if the folder holds a policy of other clips or settings."""
+    processes: int | None = None
+    """Processes that share the simulation; by default one a core on a CPU, one on a GPU. They change no result."""
+    strict: bool = False
+    """Stop at the first fault of the simulation (full buffers, numbers not finite) and save the state before it."""
+    rerun: bool = False
+    """Watch in the Rerun viewer: some worlds beside their references, rewards, errors, lengths of episodes."""
+    rerun_web: bool = False
+    """The same in a browser on this machine, for as long as the training runs."""
+    rerun_save: Path | None = None
+    """Write the same to this file (.rrd) instead."""
+    preset: str = FAST.preset
+    """Settings to begin with: fast, paper, robust, or FILE.py:NAME for a preset of your own."""
+    config: Path | None = None
+    """TOML file whose section [train] replaces some of the preset's settings, as in a recipe."""
+    print_config: bool = False
+    """Train nothing; write all settings as a TOML file that --config and recipes take."""
+    iterations: int | None = None
+    """Short for --ppo.iterations."""
+    num_worlds: int | None = None
+    """Short for --env.num-worlds."""
+    seed: int | None = None
+    """Short for --env.seed."""
+    terrain: str | None = None
+    """Short for --env.terrain.kind."""
+    env: EnvConfig = field(default_factory=lambda: FAST.env)
+    ppo: PpoConfig = field(default_factory=lambda: FAST.ppo)
+
+    def settings(self) -> Preset:
+        """Return all settings, the short options included.
+
+        Raises:
+            Kine2GoError: a value is wrong.
+        """
+        short = {
+            "ppo.iterations": self.iterations,
+            "env.num_worlds": self.num_worlds,
+            "env.seed": self.seed,
+            "env.terrain.kind": self.terrain,
+        }
+        given = {path: value for path, value in short.items() if value is not None}
+        return Preset(self.preset, self.env, self.ppo).override(given)
+
+    def run(self) -> int:
+        """Train with a progress bar."""
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.cli.watching import watching
+        from kine2go_warp.interruption import StopRequest
+        from kine2go_warp.learning.train import train
+        from kine2go_warp.motions.clip import MotionClip
+
+        settings = self.settings()
+        if self.print_config:
+            print(to_toml({"train": to_dictionary(settings)}), end="")
+            return 0
+        if not self.clips:
+            raise PolicyError("name at least one clip; 'kine2go retarget' makes them")
+        clips = [MotionClip.load(path) for path in self.clips]
+        limit_threads()
+        name = "+".join(clip.name for clip in clips)
+        folder = self.out or Path("runs/policies") / name
+        message = "stopping after this iteration, with a checkpoint; once more stops at once"
+        watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
+        with StopRequest(message) as stop, watch as audience, Progress() as progress:
+            progress.stage(name, "train")
+            record = train(
+                clips,
+                settings,
+                folder,
+                self.device,
+                self.overwrite,
+                lambda state: progress.advanced(state.iteration, state.total_iterations, str(state)),
+                self.processes,
+                self.strict,
+                stop,
+                progress.note,
+                audience,
+            )
+        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
+        return 0
+
+
+def default_train(arguments: Sequence[str]) -> Train:
+    """Return what the command takes where no option says otherwise: the settings of ``--preset`` and ``--config``.
+
+    Raises:
+        Kine2GoError: there is no such preset or file, or a setting in the file is wrong.
+    """
+    from kine2go_warp.pipelines.recipe import read_toml, train_section
+
+    preset, config = option(arguments, "--preset"), option(arguments, "--config")
+    if config is None:
+        found = find_preset(preset or FAST.preset)
+    else:
+        values, text = read_toml(Path(config))
+        found = train_section(values, config, text, preset)
+    return Train(preset=found.preset, env=found.env, ppo=found.ppo)
+
+
+def option(arguments: Sequence[str], name: str) -> str | None:
+    """Return the value of an option, none if it is not given."""
+    for number, argument in enumerate(arguments):
+        if argument == name and number + 1 < len(arguments):
+            return arguments[number + 1]
+        if argument.startswith(f"{name}="):
+            return argument.partition("=")[2]
+    return None

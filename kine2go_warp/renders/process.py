@@ -1,0 +1,169 @@
+"""Draws pictures in a process of its own.
+
+Mesa brings an LLVM library that it makes known to the whole process; when torch then loads Triton, which has another
+one, the process crashes. Apart from each other both work, and a driver that fails takes nothing with it. A process
+spawned by ``multiprocessing`` would import the caller's script again, and torch with it; this one imports only what
+draws.
+"""
+
+import contextlib
+import ctypes.util
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import RenderError
+from kine2go_warp.renders.camera import View
+
+Picture = NDArray[np.uint8]
+
+LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
+"""Ways to draw without a display, and the library that each needs."""
+
+HELP = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6 and set MUJOCO_GL=osmesa"
+
+PATIENCE = 5.0
+"""How long the process may take to end [s]."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a robot is and how it holds its legs."""
+
+    root_position: NDArray[np.floating]
+    """Base link origin in the world [m], shape [3]."""
+    root_orientation: NDArray[np.floating]
+    """Base link in the world, (w, x, y, z), shape [4]."""
+    joint_position: NDArray[np.floating]
+    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """One picture to draw."""
+
+    robot: Pose
+    reference: Pose
+    view: View
+    show_reference: bool = True
+    show_floor: bool = True
+
+
+def drawing_library() -> str:
+    """Return how to draw without a display: ``egl`` or ``osmesa``. The environment variable MUJOCO_GL decides.
+
+    Raises:
+        RenderError: neither is there, or MUJOCO_GL names something else.
+    """
+    asked = os.environ.get("MUJOCO_GL", "").lower()
+    if asked and asked not in LIBRARIES:
+        raise RenderError(f"MUJOCO_GL is '{asked}', which needs a display or draws nothing; set it to egl or osmesa")
+    for name in [asked] if asked else LIBRARIES:
+        if ctypes.util.find_library(LIBRARIES[name]) is not None:
+            return name
+    missing = LIBRARIES[asked] if asked else " or ".join(LIBRARIES.values())
+    raise RenderError(f"no OpenGL library ({missing}) to draw with; {HELP}")
+
+
+class RenderProcess:
+    """Draws pictures of one size. Use it as a context manager."""
+
+    def __init__(self, width: int, height: int) -> None:
+        """Start the process; sizes in pixels.
+
+        Raises:
+            RenderError: this machine cannot draw.
+        """
+        library = drawing_library()
+        # In a session of its own, so that Ctrl-C reaches this process only, which then ends the other one.
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, str(width), str(height)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            env={**os.environ, "MUJOCO_GL": library, "PYOPENGL_PLATFORM": library},
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._requests, self._answers = self._process.stdin, self._process.stdout
+        try:
+            error = pickle.load(self._answers)
+        except BaseException as broken:
+            self.close()
+            if not isinstance(broken, EOFError):
+                raise
+            raise RenderError(f"cannot draw with {library}, its driver failed; {HELP}") from None
+        if error is not None:
+            self.close()
+            raise RenderError(error)
+
+    def __enter__(self) -> "RenderProcess":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
+        for pipe in (self._requests, self._answers):
+            with contextlib.suppress(OSError):
+                pipe.close()
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def draw(self, request: RenderRequest) -> Picture:
+        """Return a picture, shape [height, width, 3].
+
+        Raises:
+            RenderError: the process has ended.
+        """
+        try:
+            pickle.dump(request, self._requests)
+            self._requests.flush()
+            return pickle.load(self._answers)
+        except (BrokenPipeError, EOFError, pickle.UnpicklingError):
+            raise RenderError(
+                f"the process that draws has ended, perhaps by a fault of the graphics driver; {HELP}"
+            ) from None
+
+
+def serve(library: str, width: int, height: int, requests: BinaryIO, answers: BinaryIO) -> None:
+    """Answer with None or an error message, then every request with a picture, until the requests end."""
+    from kine2go_warp.renders.renderer import OffscreenRenderer
+    from kine2go_warp.renders.scene import Scene
+    from kine2go_warp.robots import GO2
+
+    def answer(value: object) -> None:
+        pickle.dump(value, answers)
+        answers.flush()
+
+    try:
+        with OffscreenRenderer(Scene(GO2), width, height, library) as renderer:
+            answer(None)
+            while True:
+                request: RenderRequest = pickle.load(requests)
+                renderer.scene.place(request.robot, request.reference)
+                answer(renderer.draw(request.view, request.show_reference, request.show_floor))
+    except RenderError as error:
+        answer(str(error))
+    except EOFError:
+        return
+    except BrokenPipeError:
+        os._exit(0)  # the caller has gone
+
+
+if __name__ == "__main__":
+    # Drivers may print; what they say must not get among the pictures.
+    picture_pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    serve(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.stdin.buffer, picture_pipe)
