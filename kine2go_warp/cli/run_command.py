@@ -45,7 +45,7 @@ class RecipeOptions:
     seed: int | None = None
     """Seed of training and gathering, instead of the recipe's."""
     set: tuple[str, ...] = ()
-    """Any other settings, as KEY=VALUE: train.preset=paper gather.action_noise_scale='[0, 1]'."""
+    """Any other settings, as KEY=VALUE: train.ppo.entropy_coef=0.01 gather.action_noise_scale='[0, 1]'."""
 
     def resolved(self) -> "Recipe":
         """Return the recipe with everything replaced.
