@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.body import lowest_body_point
 from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.motions.retarget import Retargeted
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 Array = NDArray[np.float64]
 

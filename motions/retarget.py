@@ -22,11 +22,11 @@ from kine2go_warp.motions.cycle import (
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet
 from kine2go_warp.motions.targets import PoseTargets, pose_targets, standing_height
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import from_matrices, heading, to_rotation, turn_planar
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import from_matrices, heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 

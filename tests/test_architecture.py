@@ -10,7 +10,19 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "interruption", "machine", "revision"}
+LEAVES = {
+    "kine2go_warp",
+    "device",
+    "errors",
+    "files",
+    "interruption",
+    "machine",
+    "metrics",
+    "revision",
+    "rotations",
+    "settings",
+    "tables",
+}
 
 ALLOWED = {
     "kernels": {"kernels"},

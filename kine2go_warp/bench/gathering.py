@@ -9,11 +9,11 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
+from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import GatherResult, gather
-from kine2go_warp.rollouts.quality import LIMITS
 
 NO_LIMIT = 1e9
 
@@ -28,7 +28,7 @@ def bench_gathering(clip: MotionClip, device: str, repeats: int, num_worlds: int
         num_worlds: Rollouts at once.
         rows: Rows of each.
     """
-    limits: dict[str, Any] = {setting: NO_LIMIT for _, setting, _ in LIMITS}
+    limits: dict[str, Any] = {metric.setting: NO_LIMIT for metric in FILTER_METRICS}
     results: list[GatherResult] = []
     size = 0
     with tempfile.TemporaryDirectory() as folder:

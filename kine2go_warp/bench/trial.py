@@ -14,7 +14,7 @@ import torch
 import warp as wp
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.quality import tracking_quality
+from kine2go_warp import metrics
 from kine2go_warp.dataset.trajectories import padded
 from kine2go_warp.env.config import EnvConfig, RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
@@ -23,12 +23,12 @@ from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.runner import ImitationRunner, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+from kine2go_warp.metrics import tracking_quality
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.recorder import RolloutRecorder
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
-from kine2go_warp.scores import metrics
 
 Rows = dict[str, NDArray]
 

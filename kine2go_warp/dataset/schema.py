@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from kine2go_warp.metrics import METRICS
 from kine2go_warp.robots import RobotSpec
 
 FORMAT_VERSION = "0.2"
@@ -66,19 +67,13 @@ TRAJECTORY_ARRAYS = (
 )
 """How each rollout was drawn."""
 
+_QUALITY = (
+    "joint_rmse", "root_error", "root_angle", "foot_error", "largest_root_error", "largest_root_angle", "leg_contact",
+    "joint_limit", "torque_saturation", "action_saturation", "foot_slip", "joint_jerk",
+)  # fmt: skip
+
 QUALITY_ARRAYS = (
-    ArraySpec("joint_rmse", ("trajectory",), "rad", "root mean square joint position error"),
-    ArraySpec("root_error", ("trajectory",), "m", "mean distance of the root from its reference"),
-    ArraySpec("root_angle", ("trajectory",), "rad", "mean angle of the root from its reference"),
-    ArraySpec("foot_error", ("trajectory",), "m", "mean distance of the feet from their references"),
-    ArraySpec("largest_root_error", ("trajectory",), "m", "largest distance of the root from its reference"),
-    ArraySpec("largest_root_angle", ("trajectory",), "rad", "largest angle of the root from its reference"),
-    ArraySpec("leg_contact", ("trajectory",), "1", "share of rows in which a thigh or calf touches the ground"),
-    ArraySpec("joint_limit", ("trajectory",), "1", "share of joint positions close to a limit of the joint"),
-    ArraySpec("torque_saturation", ("trajectory",), "1", "share of joint torques at the motor's limit"),
-    ArraySpec("action_saturation", ("trajectory",), "1", "share of joint targets beyond the limits of the joint"),
-    ArraySpec("foot_slip", ("trajectory",), "m/s", "mean horizontal speed of feet that bear weight"),
-    ArraySpec("joint_jerk", ("trajectory",), "rad/s^3", "mean size of the joints' jerk"),
+    *(ArraySpec(name, ("trajectory",), METRICS[name].unit, METRICS[name].description) for name in _QUALITY),
     ArraySpec("limit_share", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
 )
 """How good each rollout is, computed from its rows."""

@@ -10,11 +10,12 @@ import warp as wp
 from numpy.typing import NDArray
 from tensordict import TensorDict
 
-from kine2go_warp.dataset.trajectories import continuous_quaternions, padded
+from kine2go_warp.dataset.trajectories import padded
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.rollouts.recorder import RolloutRecorder
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from kine2go_warp.rotations import continuous
 
 STEPS_BETWEEN_LOOKS = 64
 """Control steps between two reports of progress; it is then also checked whether every rollout has failed."""
@@ -133,7 +134,7 @@ def roll_out(
         recorded = writer.read(name, chosen)
         rows = np.full((len(chosen), num_rows, *recorded.shape[2:]), np.nan, np.float32)
         rows[:, : recorded.shape[1]] = recorded
-        return padded(continuous_quaternions(rows) if name.endswith("orientation") else rows, length[chosen])
+        return padded(continuous(rows, axis=1) if name.endswith("orientation") else rows, length[chosen])
 
     rows_simulated = env.num_envs * max(steps - warm_up, 0)
     return RecordedRollouts(writer.names, read, length, failure.cpu().numpy(), initial, rows_simulated)

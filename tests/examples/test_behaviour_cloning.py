@@ -12,11 +12,11 @@ from kine2go_warp.dataset.torch_windows import WindowLoader
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.replay import environment_config
+from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
 TINY = ("--batches", "20", "--batch-size", "64", "--hidden-layers", "32", "--worlds", "4", "--duration", "0.5")

@@ -15,9 +15,9 @@ from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, 
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.quality import assess, clip_faults, clip_remarks
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 from tests.motions.test_solo8 import trot as solo_trot
 
 KEEP_RANGE = RetargetConfig(search_frames=0)

@@ -10,9 +10,9 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.hops import Hop, generate_hops, write_solo8
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.motions.sources import SOURCES, MotionSource, Solo8
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import to_rotation
 from tests.motions.test_vhdc import horse, write
 
 CASES = ("dog_trot", "made_up_horse", "hops")

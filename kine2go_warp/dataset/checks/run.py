@@ -17,8 +17,8 @@ from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size
 from kine2go_warp.dataset.checks.records import Diagnosis, Finding, Report, Result, RowCheck
 from kine2go_warp.dataset.checks.traps import diagnose
-from kine2go_warp.dataset.reader import motion_names
 from kine2go_warp.dataset.schema import ROW_ARRAYS
+from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
 
@@ -79,6 +79,7 @@ class Run:
     def check_store(self) -> None:
         """Check the root."""
         self._complain(store.ROOT, None, store.check_root(self.root, self.spec))
+        self._complain(store.REVIEWS, None, store.check_reviews(self.path))
         self._complain(store.INDEX, None, store.check_index(self.path))
 
     def check_motion(self, name: str) -> None:

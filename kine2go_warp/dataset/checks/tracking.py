@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.rotations import about_z, heading, level, matrices, turned, wrapped
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
-from kine2go_warp.dataset.quality import rotation_angle, tracking_quality
 from kine2go_warp.dataset.schema import MAXIMUM_REWARDS, QUALITY_ARRAYS, REWARD_TERMS
+from kine2go_warp.metrics import root_angle, root_error, tracking_quality
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array | None]
@@ -38,17 +38,18 @@ def disagreement(block: Block, series: Array) -> Array:
 
 def heading_error(block: Block) -> Array:
     """Return how far a trajectory's ``heading`` is from its reference's, judged by the others [rad], shape [n]."""
-    yaw = heading(matrices(block["reference_root_orientation"]))
+    forward = to_matrices(block["reference_root_orientation"])[..., 0]
+    is_level = np.hypot(forward[..., 0], forward[..., 1]) > 0.5
+    yaw = np.where(is_level, np.arctan2(forward[..., 1], forward[..., 0]), np.nan)
     yaw = np.where(np.isnan(yaw), np.nan, np.unwrap(np.where(np.isnan(yaw), 0.0, yaw), axis=1))
-    difference = wrapped(disagreement(block, yaw - block["heading"][:, None]))
+    difference = wrap_angle(disagreement(block, yaw - block["heading"][:, None]))
     typical = median(difference, 1)
-    return np.abs(wrapped(typical - median(typical[None], 1)))
+    return np.abs(wrap_angle(typical - median(typical[None], 1)))
 
 
 def path_error(block: Block) -> Array:
     """Return how far the reference's path, turned back by ``heading``, is from the first one's [m], shape [n]."""
-    planar = block["reference_root_position"] * np.array([1.0, 1.0, 0.0])
-    back = turned(about_z(-block["heading"]), planar)
+    back = turn_planar(block["reference_root_position"], -block["heading"][:, None])
     errors = []
     for axis in range(2):
         difference = disagreement(block, back[..., axis])
@@ -57,26 +58,16 @@ def path_error(block: Block) -> Array:
     return np.abs(error - median(error[None], 1))
 
 
-def distance(block: Block) -> Array:
-    """Return the root's distance from its reference [m], shape [n, num_rows]."""
-    return np.linalg.norm(block["root_position"] - block["reference_root_position"], axis=-1)
-
-
-def angle(block: Block) -> Array:
-    """Return the root's angle from its reference [rad], shape [n, num_rows]."""
-    return rotation_angle(block["root_orientation"], block["reference_root_orientation"])
-
-
 def beyond_distance(block: Block) -> Array | None:
     """Return by how much a root is farther from its reference than accepted rollouts are [m]."""
     limit = block.settings.max_distance
-    return None if limit is None else np.maximum(distance(block) - limit, 0.0)
+    return None if limit is None else np.maximum(root_error(block.rows) - limit, 0.0)
 
 
 def beyond_angle(block: Block) -> Array | None:
     """Return by how much a root is turned further from its reference than in accepted rollouts [rad]."""
     limit = block.settings.max_angle
-    return None if limit is None else np.maximum(angle(block) - limit, 0.0)
+    return None if limit is None else np.maximum(root_angle(block.rows) - limit, 0.0)
 
 
 def beyond_rmse(block: Block) -> Array | None:
@@ -108,10 +99,15 @@ def joint_reward(block: Block) -> Array:
     return np.exp(-5.0 * np.sum(error**2, axis=-1))
 
 
+def in_heading(orientation: Array, vectors: Array) -> Array:
+    """Return vectors of the base frame in the heading's frame, shape [..., n, 3]."""
+    return turn_planar(rotate_by_matrices(to_matrices(orientation), vectors), -heading(orientation)[..., None])
+
+
 def foot_reward(block: Block) -> Array:
     """Return exp(-40 * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
     feet = (
-        turned(level(matrices(block[f"{whose}root_orientation"])), foot_positions(block.spec, block[joints]))
+        in_heading(block[f"{whose}root_orientation"], foot_positions(block.spec, block[joints]))
         for whose, joints in (("", "joint_position"), ("reference_", "reference_joint_position"))
     )
     return np.exp(-40.0 * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
@@ -119,7 +115,7 @@ def foot_reward(block: Block) -> Array:
 
 def pose_reward(block: Block) -> Array:
     """Return exp(-20 * distance^2) + exp(-10 * angle^2), shape [n, num_rows]."""
-    return np.exp(-20.0 * distance(block) ** 2) + np.exp(-10.0 * angle(block) ** 2)
+    return np.exp(-20.0 * root_error(block.rows) ** 2) + np.exp(-10.0 * root_angle(block.rows) ** 2)
 
 
 def reward_error(term: str, expected: Callable[[Block], Array]) -> Measure:

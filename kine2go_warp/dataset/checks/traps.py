@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import Diagnosis, RowCheck
-from kine2go_warp.dataset.checks.rotations import matrices
 from kine2go_warp.dataset.schema import ROW_ARRAYS, ArraySpec
+from kine2go_warp.rotations import to_matrices
 
 Array = NDArray[np.float64]
 Change = Callable[[Block], dict[str, Array]]
@@ -81,14 +81,14 @@ def frame_traps(array: ArraySpec, block: Block) -> Iterator[Trap]:
 
 def from_base(block: Block, name: str) -> Array:
     """Return vectors that are given in the base frame in the world frame."""
-    return np.einsum("ntij,nt...j->nt...i", matrices(block["root_orientation"]), block.stored[name])
+    return np.einsum("ntij,nt...j->nt...i", to_matrices(block["root_orientation"]), block.stored[name])
 
 
 def at_origin(block: Block) -> Array:
     """Return the velocity of the base link's origin from that of its centre of mass [m/s]."""
     origin = ElementTree.parse(block.spec.urdf).getroot().find(f"link[@name='{block.spec.base_link}']/inertial/origin")
     centre = np.array([float(value) for value in (origin.attrib["xyz"] if origin is not None else "0 0 0").split()])
-    arm = matrices(block["root_orientation"]) @ centre
+    arm = to_matrices(block["root_orientation"]) @ centre
     return block.stored["root_linear_velocity"] - np.cross(block["root_angular_velocity"], arm)
 
 
