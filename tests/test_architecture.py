@@ -18,6 +18,8 @@ LEAVES = {
     "interruption",
     "machine",
     "metrics",
+    "objects",
+    "quantities",
     "revision",
     "rotations",
     "settings",

@@ -137,10 +137,10 @@ class Run(RecipeOptions):
     def _print(self, result: "RunResult", workspace: "Workspace") -> None:
         """Print what the dataset holds now."""
         from kine2go_warp.cli.tables import print_summaries
-        from kine2go_warp.dataset.summary import summarise_motion
+        from kine2go_warp.dataset.summary import summarise
 
         if result.finished:
-            summaries = [summarise_motion(workspace.dataset, motion) for motion in result.finished]
+            summaries = summarise(workspace.dataset, result.finished)
             print_summaries(summaries, workspace.dataset, workspace.root / "recordings")
 
     def _report(self, workspace: "Workspace") -> None:

@@ -26,6 +26,7 @@ from kine2go_warp.dataset.schema import (
     TRAJECTORY_ARRAYS,
     ArraySpec,
     coordinates,
+    reward_labels,
 )
 from kine2go_warp.dataset.staging import StagingArea
 from kine2go_warp.dataset.store import check_version, motion_folders
@@ -217,7 +218,8 @@ class DatasetWriter:
         """Write one motion as a group of its own."""
         group = zarr.open_group(folder, mode="w", zarr_format=3)
         group.attrs.update({**attributes, "coordinates": "time"})
-        for name, labels in coordinates(self.spec).items():
+        terms = reward_labels(attributes, trajectories.read_rows("reward", 0, 1).shape[-1])
+        for name, labels in coordinates(self.spec, terms).items():
             write_labels(group, name, labels)
         time = np.arange(trajectories.num_rows) * frame_duration
         write_array(group, ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"), time)

@@ -1,4 +1,4 @@
-"""The motors of all worlds: from the policy's output to joint torques."""
+"""The motors of all worlds: from the policy's action to joint torques."""
 
 import warp as wp
 
@@ -7,8 +7,7 @@ from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.kernels import actuation
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.reference import Placement, ReferenceClips
-
-NUM_JOINTS = 12
+from kine2go_warp.kernels.state import NUM_JOINTS
 
 
 class Motors:
@@ -30,44 +29,44 @@ class Motors:
 
     def set_targets(
         self,
-        output: wp.array,
+        action: wp.array,
         clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         reference_step: wp.array,
     ) -> None:
-        """Turn the policy's output into joint targets and queue them."""
-        self.compute_targets(output, clips, placement, reference_step, self.joint_target)
+        """Turn the policy's action into joint targets and queue them."""
+        self.compute_targets(action, clips, placement, reference_step, self.joint_target)
         self.queue_targets(self.joint_target, reference_step)
 
     def compute_targets(
         self,
-        output: wp.array,
+        action: wp.array,
         clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         reference_step: wp.array,
         joint_target: wp.array,
     ) -> None:
-        """Write the joint targets [rad] that follow from the policy's output, both of shape [num_worlds, 12]."""
-        action, shape = self.config.action, self.joint_target.shape
-        if action.form == "default_pose":
-            inputs = [output, self.constants.default_position, action.scale, action.clip, joint_target]
+        """Write the joint targets [rad] that follow from the policy's action, both of shape [num_worlds, 12]."""
+        settings, shape = self.config.action, self.joint_target.shape
+        if settings.mode == "default_offset":
+            inputs = [action, self.constants.default_position, settings.scale, settings.clip, joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
-        elif action.form in ("reference", "reference_pose"):
+        elif settings.mode in ("residual_ff", "residual"):
             lead = self.config.motor.damping / self.config.motor.stiffness
             inputs = [
-                output,
+                action,
                 clips,
                 placement,
                 reference_step,
                 1.0 + self.config.delay_substeps / self.config.substeps,
-                lead if action.form == "reference" else 0.0,
-                action.scale,
-                action.clip,
+                lead if settings.mode == "residual_ff" else 0.0,
+                settings.scale,
+                settings.clip,
                 joint_target,
             ]
             wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
-            wp.copy(joint_target, output)
+            wp.copy(joint_target, action)
 
     def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:
         """Queue joint targets [rad], shape [num_worlds, 12]."""

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.episodes import EpisodeStarts
+from kine2go_warp.env.episodes import EpisodeStart
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
@@ -73,7 +73,7 @@ class NewtonRollouts:
         phase, heading = (
             np.tile(values, repeats) for values in (self.config.initial_phases(), self.config.initial_headings())
         )
-        starts = EpisodeStarts(np.full(len(phase), clip, np.int32), phase, heading)
+        starts = EpisodeStart(np.full(len(phase), clip, np.int32), phase, heading)
         self.environment.restart(self.config.seed, starts=starts)
         self.actor.generator.manual_seed(self.config.seed)
         with AsyncRowWriter(Path(self._folder.name) / "rows") as writer:

@@ -222,7 +222,7 @@ class RolloutCollector:
         groups: Groups = {}
 
         def first_row() -> None:
-            groups.update(randomization=environment.randomization.drawn(), initial_state=self._initial_state())
+            groups.update(randomization=environment.randomization.parameters(), initial_state=self._initial_state())
 
         def progressed(_: int) -> None:
             if on_progress is not None:

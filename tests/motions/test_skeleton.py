@@ -23,7 +23,7 @@ def made(request, solver):
     entry = motion_named(request.param)
     folder = None if entry.bundled else request.getfixturevalue("data_folder")
     clip = retarget(entry, folder, solver, RetargetConfig()).clip
-    motion = entry.motion_source.read(entry.path(folder))
+    motion = entry.motion_source.load(entry.path(folder))
     return clip, motion.scaled(entry.motion_source.scale).frames(clip.origin.start, clip.origin.end)
 
 

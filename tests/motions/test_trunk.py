@@ -38,7 +38,7 @@ def made(request, solver, tmp_path_factory):
             folder = None if entry.bundled else request.getfixturevalue("data_folder")
     source = entry.motion_source
     clip = retarget(entry, folder, solver, RetargetConfig()).clip
-    return source, clip, source.read(entry.path(folder)).scaled(source.scale)
+    return source, clip, source.load(entry.path(folder), entry.rate).scaled(source.scale)
 
 
 def test_every_source_is_tested():

@@ -33,14 +33,14 @@ class Drawn:
         return torch.from_numpy(mean), torch.from_numpy(np.float32(action))
 
 
-@pytest.mark.parametrize("form", ["default_pose", "reference", "reference_pose", "joint_target"])
-def test_the_mean_action_is_that_of_the_deployed_rule_in_every_mode(form, clip, small_config, rng, tmp_path):
+@pytest.mark.parametrize("mode", ["default_offset", "residual_ff", "residual", "absolute"])
+def test_the_mean_action_is_that_of_the_deployed_rule_in_every_mode(mode, clip, small_config, rng, tmp_path):
     """The controller's rule is NumPy of its own; the recorder's comes from the motors' kernels."""
-    action = ActionConfig(form, scale=0.4, clip=0.6, latency=small_config.action.latency)
+    action = ActionConfig(mode, scale=0.4, clip=0.6, latency=small_config.action.latency)
     config = replace(small_config, num_worlds=WORLDS, action=action)
     env = ImitationVecEnv(ImitationEnvironment([clip], config, "cpu"))
     default = np.float32(GO2.default_joint_position)
-    actor = Drawn(rng, default if form == "joint_target" else np.zeros(12, np.float32))
+    actor = Drawn(rng, default if mode == "absolute" else np.zeros(12, np.float32))
     with AsyncRowWriter(tmp_path / "rows") as writer:
         recorded = roll_out(env, actor, 1.0, ROWS, writer)
     rows = recorded.rows(np.arange(WORLDS))

@@ -9,7 +9,7 @@ from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
-from kine2go_warp.dataset.schema import MAXIMUM_REWARDS, QUALITY_ARRAYS, REWARD_TERMS
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.metrics import root_angle, root_error, tracking_quality
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
@@ -79,8 +79,10 @@ def beyond_rmse(block: Block) -> Array | None:
 
 def scales(block: Block) -> Array | None:
     """Return weight / control frequency of each reward term, shape [num_terms]."""
-    weights, frequency = block.settings.reward_weights, block.settings.control_frequency
-    return None if weights is None or frequency is None else np.array(weights) / frequency
+    rewards, frequency = block.settings.rewards, block.settings.control_frequency
+    if frequency is None or len(rewards) != block["reward"].shape[-1]:
+        return None
+    return np.array([term.weight for term in rewards]) / frequency
 
 
 def reward_outside(block: Block) -> Array | None:
@@ -88,15 +90,15 @@ def reward_outside(block: Block) -> Array | None:
     scale = scales(block)
     if scale is None:
         return None
-    parts = block["reward"] / np.where(scale > 0.0, scale, 1.0)
-    highest = np.where(scale > 0.0, MAXIMUM_REWARDS, 0.0)
+    parts = block["reward"] / scale
+    highest = np.array([np.inf if term.maximum is None else term.maximum for term in block.settings.rewards])
     return np.maximum(largest(np.maximum(-parts, parts - highest), 2), 0.0)
 
 
-def joint_reward(block: Block) -> Array:
-    """Return exp(-5 * sum of squared joint position errors), shape [n, num_rows]."""
+def joint_reward(block: Block, exponent: float) -> Array:
+    """Return exp(-exponent * sum of squared joint position errors), shape [n, num_rows]."""
     error = block["joint_position"] - block["reference_joint_position"]
-    return np.exp(-5.0 * np.sum(error**2, axis=-1))
+    return np.exp(-exponent * np.sum(error**2, axis=-1))
 
 
 def in_heading(orientation: Array, vectors: Array) -> Array:
@@ -104,29 +106,33 @@ def in_heading(orientation: Array, vectors: Array) -> Array:
     return turn_planar(rotate_by_matrices(to_matrices(orientation), vectors), -heading(orientation)[..., None])
 
 
-def foot_reward(block: Block) -> Array:
-    """Return exp(-40 * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
+def foot_reward(block: Block, exponent: float) -> Array:
+    """Return exp(-exponent * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
     feet = (
         in_heading(block[f"{whose}root_orientation"], foot_positions(block.spec, block[joints]))
         for whose, joints in (("", "joint_position"), ("reference_", "reference_joint_position"))
     )
-    return np.exp(-40.0 * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
+    return np.exp(-exponent * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
 
 
-def pose_reward(block: Block) -> Array:
-    """Return exp(-20 * distance^2) + exp(-10 * angle^2), shape [n, num_rows]."""
-    return np.exp(-20.0 * root_error(block.rows) ** 2) + np.exp(-10.0 * root_angle(block.rows) ** 2)
+def pose_reward(block: Block, position_exponent: float, angle_exponent: float) -> Array:
+    """Return exp(-position_exponent * distance^2) + exp(-angle_exponent * angle^2), shape [n, num_rows]."""
+    return np.exp(-position_exponent * root_error(block.rows) ** 2) + np.exp(
+        -angle_exponent * root_angle(block.rows) ** 2
+    )
 
 
-def reward_error(term: str, expected: Callable[[Block], Array]) -> Measure:
+def reward_error(kernel: str, expected: Callable[..., Array]) -> Measure:
     """Return a measure of how far a reward is from what the state and reference of the next row earn, in its scale."""
-    index = REWARD_TERMS.index(term)
 
     def measure(block: Block) -> Array | None:
         scale = scales(block)
-        if scale is None or scale[index] == 0.0:
-            return None
-        return np.abs(block["reward"][:, :-1, index] / scale[index] - expected(block)[:, 1:])
+        errors = [
+            np.abs(block["reward"][:, :-1, index] / scale[index] - expected(block, **term.params)[:, 1:])
+            for index, term in enumerate(block.settings.rewards)
+            if scale is not None and term.kernel == f"kine2go_warp.kernels.rewards:{kernel}"
+        ]
+        return np.max(errors, axis=0) if errors else None
 
     return measure
 
@@ -147,11 +153,11 @@ JOINTS = ("joint_position", "reference_joint_position")
 ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
 FEET = ("link_position", "reference_foot_position")
 REWARDS = (
-    ("joint_position", joint_reward, JOINTS),
-    ("foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
-    ("root_pose", pose_reward, ROOTS),
+    ("joint position", "track_joint_position", joint_reward, JOINTS),
+    ("foot position", "track_foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
+    ("root pose", "track_root_pose", pose_reward, ROOTS),
 )
-"""Reward terms that rows alone determine: name, what they earn before the weight, arrays."""
+"""Reward terms that rows alone determine: name, kernel, what they earn before the weight, arrays."""
 
 CHECKS = (
     RowCheck(
@@ -183,12 +189,12 @@ CHECKS = (
     ),
     *(
         RowCheck(
-            f"{term.replace('_', ' ')} reward", "reward", ("reward", *needs),
+            f"{term} reward", "reward", ("reward", *needs),
             f"the {term} reward of a row is what state and reference of the next row earn",
-            f"the {term} term is not what the next row earns: off", reward_error(term, expected),
+            f"the {term} term is not what the next row earns: off", reward_error(kernel, expected),
             1e-3, "of the weight",
         )
-        for term, expected, needs in REWARDS
+        for term, kernel, expected, needs in REWARDS
     ),
     *(
         RowCheck(
