@@ -11,8 +11,10 @@ from kine2go_warp.rotations import heading, to_rotation, turn_planar
 Array = NDArray[np.float64]
 Indices = NDArray[np.signedinteger]
 
-APART = 6
-"""Two candidates whose ends both differ by fewer frames than this are one."""
+LARGEST_OVERLAP = 0.5
+"""Two candidates that share more than this of the frames that either has are one."""
+STEADY = 0.02
+"""The base goes somewhere if it moves by this within the shortest cycle [m]; less is sway and jitter."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,8 @@ def find_cycles(
         travel: Least way that the base must go in a range [m], to leave out standing still.
     """
     features = pose_features(targets)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(targets.root_position[:, :2], axis=0), axis=1))])
     frames = np.arange(len(features))
+    way = way_gone(targets.root_position[:, :2], min_frames)
     found: list[CycleCandidate] = []
     for start in frames:
         ends = frames[start + min_frames : start + max_frames + 1]
@@ -98,8 +100,27 @@ def find_cycles(
         found += [CycleCandidate(int(start), int(ends[index]), float(scores[index])) for index in minima]
     chosen: list[CycleCandidate] = []
     for candidate in sorted(found, key=lambda one: one.score):
-        if all(abs(candidate.start - c.start) >= APART or abs(candidate.end - c.end) >= APART for c in chosen):
+        if all(overlap(candidate, other) <= LARGEST_OVERLAP for other in chosen):
             chosen.append(candidate)
         if len(chosen) == count:
             break
     return chosen
+
+
+def way_gone(position: Array, frames: int) -> Array:
+    """Return how far the base has gone until each frame [m], shape [num_frames], sway and jitter left out.
+
+    Args:
+        position: Of the base in the ground plane [m], shape [num_frames, 2].
+        frames: Over which it must get somewhere.
+    """
+    index = np.arange(len(position))
+    after, before = np.minimum(index + frames // 2, len(position) - 1), np.maximum(index - (frames + 1) // 2, 0)
+    moved = np.linalg.norm(position[after] - position[before], axis=1)
+    return np.cumsum(np.where(moved >= STEADY, moved / np.maximum(after - before, 1), 0.0))
+
+
+def overlap(one: CycleCandidate, other: CycleCandidate) -> float:
+    """Return the share of the frames of both ranges that either has."""
+    shared = max(min(one.end, other.end) - max(one.start, other.start), 0)
+    return shared / (one.end - one.start + other.end - other.start - shared)
