@@ -30,7 +30,7 @@ from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
-from kine2go_warp.rollouts.quality import judge
+from kine2go_warp.rollouts.quality import filter_rollouts
 from tests.walks import write_walks
 
 REPOSITORY = Path(__file__).parent.parent
@@ -130,7 +130,7 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)
     trajectories = replace(motion.trajectories, draws={**motion.trajectories.draws, "length": length})
     rows = trajectories.padded().rows
-    trajectories.groups["quality"] = judge(rows, np.zeros(5, int), loose, 1.0 / 60.0, GO2).quality
+    trajectories.groups["quality"] = filter_rollouts(rows, np.zeros(5, int), loose, 1.0 / 60.0, GO2).quality
     root = zarr.open_group(folder / "gathered.zarr", mode="r").attrs
     simulation = SimulationAttributes(**{name: root[name] for name in SimulationAttributes.__dataclass_fields__})
     DatasetWriter(folder / "dataset.zarr", GO2).write("dog_trot", trajectories, simulation, motion.attributes)
