@@ -156,7 +156,7 @@ def run_trial(trial: Trial, config: AblationConfig, device: str, **training: Any
     rows = config.evaluation.rows(preset.env.control_rate)
     values = {}
     for one in evaluate(policy, config.evaluation, device):
-        found = {name: one.estimate(name).value for name in one.figures}
+        found = {name: one.estimate(name).value for name in one.metrics}
         found |= {"survival": one.survival.value, "tracked": float(one.length.mean()) / rows}
         # Rollouts that end at once have no metrics; JSON knows no NaN.
         values[one.condition] = {name: value for name, value in found.items() if value == value}  # noqa: PLR0124
