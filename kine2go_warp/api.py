@@ -13,7 +13,7 @@ from kine2go_warp.extras import named_extras
 
 if TYPE_CHECKING:
     from kine2go_warp.env.config import EnvConfig
-    from kine2go_warp.evaluation.figures import Result
+    from kine2go_warp.evaluation.metrics import Result
     from kine2go_warp.learning.policy import PolicyFolder
     from kine2go_warp.learning.presets import Preset
     from kine2go_warp.learning.vec_env import ImitationVecEnv

@@ -157,12 +157,16 @@ def parse(kind: Any, program: str, arguments: list[str]) -> "Command":
     """Parse the options of a command, or exit if they are wrong or only ask for help."""
     import tyro
 
+    from kine2go_warp.cli.train_command import REGISTRY
+
     more = {}
     if program == "kine2go policy train":
         from kine2go_warp.cli.train_command import default_train
 
         more["default"] = default_train(arguments)  # its options begin with the settings of the preset that they name
-    return tyro.cli(kind, prog=program, args=arguments, config=(tyro.conf.OmitSubcommandPrefixes,), **more)
+    return tyro.cli(
+        kind, prog=program, args=arguments, config=(tyro.conf.OmitSubcommandPrefixes,), registry=REGISTRY, **more
+    )
 
 
 def every_command() -> Any:
