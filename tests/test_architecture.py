@@ -25,6 +25,7 @@ LEAVES = {
     "rotations",
     "settings",
     "tables",
+    "toml",
 }
 
 ALLOWED = {
