@@ -189,14 +189,13 @@ def figures(rows: Rows, lengths: NDArray, config: EnvConfig) -> Figures:
         # A rollout that fails at once has no rows: its figures are NaN and left out.
         warnings.simplefilter("ignore")
         quality = tracking_quality(rows)
+        available = GO2.motor_limits.available(rows["joint_torque"], rows["joint_velocity"])
         return Figures(
             survival=float((lengths == num_rows).mean()),
             reward=float(np.nansum(rows["reward"], axis=(1, 2)).mean() / best),
             joint_rmse=float(np.nanmean(quality["joint_rmse"])),
             root_error=float(np.nanmean(quality["root_error"])),
             action_rate=float(np.nanmean(metrics.mean_change(rows["joint_target"]))),
-            torque_saturation=float(
-                np.nanmean(metrics.torque_saturation(rows["joint_torque"], GO2.joint_effort)),
-            ),
+            torque_saturation=float(np.nanmean(metrics.torque_saturation(rows["joint_torque"], available))),
             power=float(np.nanmean(metrics.mechanical_power(rows["joint_torque"], rows["joint_velocity"]))),
         )

@@ -34,6 +34,8 @@ LIMITS = (
     Limit("max_action_saturation", "action_saturation", "action limits", "1"),
     Limit("max_foot_slip", "foot_slip", "foot slip", "m/s"),
     Limit("max_joint_jerk", "joint_jerk", "joint jerk", "rad/s^3"),
+    Limit("max_joint_speed", "joint_speed", "joint speed", "1"),
+    Limit("max_leg_overlap", "leg_overlap", "leg overlap", "m"),
 )
 """The order of all figures of this file."""
 

@@ -46,6 +46,7 @@ ROW_ARRAYS = (
     ArraySpec("joint_target", (*_FRAME, "joint"), "rad", "commanded joint position"),
     ArraySpec("joint_torque", (*_FRAME, "joint"), "N m", "torque applied in the last physics substep"),
     ArraySpec("leg_contact", _FRAME, "1", "1 where a thigh or calf touches the ground, else 0"),
+    ArraySpec("leg_distance", _FRAME, "m", "least distance of a leg from another, the trunk or the head; < 0: overlap"),
     ArraySpec("push", (*_FRAME, "axis"), "m/s", "velocity that a push adds to the base right after this row, world"),
     ArraySpec("phase", _FRAME, "1", "place in the reference cycle, in [0, 1)"),
     ArraySpec("cycle", _FRAME, "1", "whole reference cycles passed"),
@@ -79,6 +80,8 @@ QUALITY_ARRAYS = (
     ArraySpec("action_saturation", ("trajectory",), "1", "share of joint targets beyond the limits of the joint"),
     ArraySpec("foot_slip", ("trajectory",), "m/s", "mean horizontal speed of feet that bear weight"),
     ArraySpec("joint_jerk", ("trajectory",), "rad/s^3", "mean size of the joints' jerk"),
+    ArraySpec("joint_speed", ("trajectory",), "1", "largest joint speed as a share of the motor's largest"),
+    ArraySpec("leg_overlap", ("trajectory",), "m", "greatest depth of a leg in another one, the trunk or the head"),
     ArraySpec("limit_share", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
 )
 """How good each rollout is, computed from its rows."""
@@ -91,6 +94,7 @@ RANDOMIZATION_ARRAYS = (
     ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
     ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
     ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
+    ArraySpec("joint_friction", ("trajectory", "joint"), "N m", "Coulomb friction of the joints"),
     ArraySpec("latency", ("trajectory",), "s", "time from an action to its effect at the motors"),
 )
 """What holds for each rollout, whether it was drawn or not."""
@@ -114,6 +118,8 @@ INITIAL_STATE_ARRAYS = (
     ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
     ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
     ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
+    ArraySpec("joint_friction", ("trajectory", "joint"), "N m", "Coulomb friction of the joints"),
+    ArraySpec("friction_anchor", ("trajectory", "joint"), "rad", "where the spring of a joint's friction is slack"),
 )
 """Everything that simulator and motors need to go on from the first kept row."""
 

@@ -38,9 +38,14 @@ DRAWN_QUANTITIES = (
     DrawnQuantity("damping", "N m s/rad", "joint", "episode", "damping of the motors"),
     DrawnQuantity("strength", "1", "joint", "episode", "factor on the torque of the motors"),
     DrawnQuantity("motor_offset", "rad", "joint", "episode", "error of the motors' zero angle"),
+    DrawnQuantity("joint_friction", "N m", "joint", "episode", "Coulomb friction of the joints"),
     DrawnQuantity("latency", "s", "world", "episode", "time from an action to its effect at the motors"),
 )
 """What is recorded of a world, drawn or not. Pushes are recorded where they happen."""
+
+
+MOTOR_QUANTITIES = ("stiffness", "damping", "strength", "motor_offset", "joint_friction", "latency")
+"""Those that are drawn together."""
 
 
 class Randomization:
@@ -65,6 +70,7 @@ class Randomization:
         self.motor_ranges.damping = wp.vec2(*chosen("damping", 1.0))
         self.motor_ranges.strength = wp.vec2(*chosen("strength", 1.0))
         self.motor_ranges.offset = wp.vec2(*chosen("motor_offset", 0.0))
+        self.motor_ranges.friction = wp.vec2(*chosen("joint_friction", 1.0))
         self.motor_ranges.delay = wp.vec2(*(float(value) for value in self.config.delay_range))
         self.friction_range = wp.vec2(*chosen("friction", self.config.solver.friction))
         steps = [max(value * self.config.control_rate, 1.0) for value in chosen("push_interval", 1.0)]
@@ -82,8 +88,9 @@ class Randomization:
         """Draw what lasts for an episode, in every world that is done."""
         settings, motor, num_worlds = self.settings, self.config.motor, self.config.num_worlds
         drawn = self.episodes.drawn
-        if settings.stiffness or settings.damping or settings.strength or settings.motor_offset or settings.latency:
-            inputs = [*drawn, self.motor_ranges, motor.stiffness, motor.damping, self.motors.model]
+        if any(getattr(settings, name) for name in MOTOR_QUANTITIES):
+            nominal = [motor.stiffness, motor.damping, self.motors.nominal_friction]
+            inputs = [*drawn, self.motor_ranges, *nominal, self.motors.model]
             wp.launch(randomization.draw_motors, dim=num_worlds, inputs=inputs)
         if settings.friction:
             inputs = [*drawn, self.friction_range, self.bodies.friction]
@@ -124,5 +131,6 @@ class Randomization:
             "damping": motors.damping.numpy().copy(),
             "strength": motors.strength.numpy().copy(),
             "motor_offset": motors.offset.numpy().copy(),
+            "joint_friction": motors.friction.numpy().copy(),
             "latency": np.asarray(motors.delay.numpy() * self.config.substep_duration, np.float32),
         }

@@ -27,6 +27,8 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "damping": motors.model.damping,
         "strength": motors.model.strength,
         "motor_offset": motors.model.offset,
+        "joint_friction": motors.model.friction,
+        "friction_anchor": motors.model.friction_anchor,
         "delay": motors.model.delay,
         "base_mass": randomization.bodies.base.mass,
         "base_com": randomization.bodies.base.com,

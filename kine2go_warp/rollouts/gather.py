@@ -16,6 +16,7 @@ from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
+from kine2go_warp.robots.compiled import model_parts
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.quality import BORDERLINE
 from kine2go_warp.settings import content_hash, to_dictionary
@@ -111,6 +112,8 @@ def gather(
             "fingerprint": fingerprint,
             "environment_settings": to_dictionary(campaign.environment.config),
             "ground_reach": campaign.ground_reach,
+            "model_hash": campaign.environment.spec.model_hash,
+            "model_parts": model_parts(campaign.environment.spec),
             "gather_settings": to_dictionary(config),
             **training_attributes(policy, record),
             "device": device,

@@ -68,6 +68,8 @@ class OpenLoop:
             "damping": model.damping,
             "strength": model.strength,
             "motor_offset": model.offset,
+            "joint_friction": model.friction,
+            "friction_anchor": model.friction_anchor,
             "base_mass": self.bodies.base.mass,
             "base_com": self.bodies.base.com,
             "friction": self.bodies.friction,

@@ -141,9 +141,9 @@ def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
     return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
 
 
-def torque_saturation(joint_torque: NDArray, joint_effort: NDArray | tuple[float, ...]) -> Array:
-    """Return the share of torques [N m] at the largest that the motors give, ``joint_effort`` of shape [num_joints]."""
-    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(joint_effort), joint_torque)
+def torque_saturation(joint_torque: NDArray, available: NDArray | tuple[float, ...]) -> Array:
+    """Return the share of torques [N m] at the largest that the motors give, ``available``, of a shape that fits."""
+    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(available), joint_torque)
 
 
 def joint_limit_share(

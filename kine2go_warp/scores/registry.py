@@ -165,7 +165,10 @@ METRICS = (
         "torque_saturation",
         "1",
         "share of torques at the motors' limit",
-        lambda r: metrics.torque_saturation(r.rows["joint_torque"], r.spec.joint_effort),
+        lambda r: metrics.torque_saturation(
+            r.rows["joint_torque"],
+            r.spec.motor_limits.available(r.rows["joint_torque"], r.rows["joint_velocity"]),
+        ),
     ),
     Metric(
         "joint_limits",
