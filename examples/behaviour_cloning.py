@@ -192,7 +192,7 @@ def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dic
     config = replace(config, num_worlds=settings.worlds, seed=settings.seed)
     config = replace(config, episode_time=(warm_up + rows + 2) / config.control_rate)
     # The output of this form is the dataset's action, so the environment's last output is the action before.
-    action = ActionConfig("default_pose", GO2.action_scale, latency=config.action.latency)
+    action = ActionConfig("default_offset", GO2.action_scale, latency=config.action.latency)
     for_clone = replace(config, action=action, history_length=HISTORY, steps_ahead=AHEAD)
     record = policy.read_record()
     environments = (ImitationEnvironment(policy.read_clips(record)[:1], one, "cpu") for one in (config, for_clone))

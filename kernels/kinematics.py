@@ -99,6 +99,17 @@ def leg_point_velocity_b(geometry: LegGeometry, leg: int, point: int, q: wp.vec3
     return velocity
 
 
+@wp.func
+def leg_point_velocity_w(robot: RobotState, geometry: LegGeometry, world: int, leg: int, point: int) -> wp.vec3:
+    """Return the velocity of hip (0), thigh (1) or calf joint (2) or foot (3) of a leg in the world [m/s]."""
+    q = leg_joint_position(robot, world, leg)
+    qd = leg_joint_velocity(robot, world, leg)
+    rotation = root_orientation(robot, world)
+    arm_w = wp.quat_rotate(rotation, leg_point_b(geometry, leg, point, q))
+    relative_w = wp.quat_rotate(rotation, leg_point_velocity_b(geometry, leg, point, q, qd))
+    return root_linear_velocity_w(robot, world) + wp.cross(root_angular_velocity_w(robot, world), arm_w) + relative_w
+
+
 @wp.kernel
 def link_states(
     robot: RobotState,
@@ -115,10 +126,6 @@ def link_states(
     if point == 3:
         slot = 12 + leg
     q = leg_joint_position(robot, world, leg)
-    qd = leg_joint_velocity(robot, world, leg)
-    rotation = root_orientation(robot, world)
-    arm_w = wp.quat_rotate(rotation, leg_point_b(geometry, leg, point, q))
-    relative_w = wp.quat_rotate(rotation, leg_point_velocity_b(geometry, leg, point, q, qd))
-    root_w = root_linear_velocity_w(robot, world) + wp.cross(root_angular_velocity_w(robot, world), arm_w)
+    arm_w = wp.quat_rotate(root_orientation(robot, world), leg_point_b(geometry, leg, point, q))
     position[world, slot] = root_position(robot, world) + arm_w
-    velocity[world, slot] = root_w + relative_w
+    velocity[world, slot] = leg_point_velocity_w(robot, geometry, world, leg, point)

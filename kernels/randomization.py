@@ -5,6 +5,7 @@ import warp as wp
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.resets import random_stream
 from kine2go_warp.kernels.state import RobotState
+from kine2go_warp.kernels.world import BaseBody
 
 wp.set_module_options({"enable_backward": False})
 
@@ -35,22 +36,6 @@ class BodyRanges:
     """Mass added to the base [kg]."""
     com: wp.vec2
     """Shift of the base's centre of mass along each axis [m]."""
-
-
-@wp.struct
-class BaseBody:
-    """The base link: as the robot model has it, and as each world has it."""
-
-    nominal_mass: float
-    """[kg]"""
-    nominal_com: wp.vec3
-    """[m]"""
-    nominal_inertia: wp.mat33
-    """[kg m^2]"""
-    mass: wp.array(dtype=float)
-    """[kg], shape [num_worlds]."""
-    com: wp.array(dtype=wp.vec3)
-    """In the base frame [m], shape [num_worlds]."""
 
 
 @wp.kernel

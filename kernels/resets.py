@@ -267,7 +267,7 @@ def advance_counters(reference_step: wp.array(dtype=int), episode_length: wp.arr
 
 
 @wp.kernel
-def grow_older(age: wp.array(dtype=int)):
-    """Count one control step of a world's life, over all its episodes. Launched over [num_worlds]."""
+def count_world_steps(world_steps: wp.array(dtype=int)):
+    """Count one control step of each world over all its episodes. Launched over [num_worlds]."""
     world = wp.tid()
-    age[world] = age[world] + 1
+    world_steps[world] = world_steps[world] + 1

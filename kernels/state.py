@@ -4,6 +4,17 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
+NUM_LEGS = wp.constant(4)
+NUM_JOINTS = wp.constant(12)
+NUM_COORDINATES = wp.constant(19)
+"""Generalised coordinates: position and quaternion of the base, then the joints."""
+NUM_VELOCITIES = wp.constant(18)
+"""Generalised velocities."""
+FIRST_JOINT_Q = wp.constant(7)
+"""Place of the first joint in the generalised coordinates."""
+FIRST_JOINT_QD = wp.constant(6)
+"""Place of the first joint in the generalised velocities."""
+
 
 @wp.struct
 class RobotState:
@@ -33,26 +44,26 @@ def root_position(robot: RobotState, world: int) -> wp.vec3:
 @wp.func
 def joint_position(robot: RobotState, world: int, joint: int) -> float:
     """Return a joint position [rad]."""
-    return robot.joint_q[world, 7 + joint]
+    return robot.joint_q[world, FIRST_JOINT_Q + joint]
 
 
 @wp.func
 def joint_velocity(robot: RobotState, world: int, joint: int) -> float:
     """Return a joint velocity [rad/s]."""
-    return robot.joint_qd[world, 6 + joint]
+    return robot.joint_qd[world, FIRST_JOINT_QD + joint]
 
 
 @wp.func
 def leg_joint_position(robot: RobotState, world: int, leg: int) -> wp.vec3:
     """Return hip, thigh and calf position of a leg [rad]."""
-    first = 7 + 3 * leg
+    first = FIRST_JOINT_Q + 3 * leg
     return wp.vec3(robot.joint_q[world, first], robot.joint_q[world, first + 1], robot.joint_q[world, first + 2])
 
 
 @wp.func
 def leg_joint_velocity(robot: RobotState, world: int, leg: int) -> wp.vec3:
     """Return hip, thigh and calf velocity of a leg [rad/s]."""
-    first = 6 + 3 * leg
+    first = FIRST_JOINT_QD + 3 * leg
     return wp.vec3(robot.joint_qd[world, first], robot.joint_qd[world, first + 1], robot.joint_qd[world, first + 2])
 
 
@@ -73,10 +84,10 @@ def root_linear_velocity_w(robot: RobotState, world: int) -> wp.vec3:
 @wp.func
 def is_finite(robot: RobotState, world: int) -> bool:
     """Return whether every coordinate of a world is a finite number."""
-    for index in range(19):
+    for index in range(NUM_COORDINATES):
         if not wp.isfinite(robot.joint_q[world, index]):
             return False
-    for index in range(18):  # noqa: SIM110 - Warp has no generators
+    for index in range(NUM_VELOCITIES):  # noqa: SIM110 - Warp has no generators
         if not wp.isfinite(robot.joint_qd[world, index]):
             return False
     return True

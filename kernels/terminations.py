@@ -32,10 +32,10 @@ REASON_DESCRIPTIONS = (
 
 
 @wp.func
-def tightened(limit: float, looseness: float, age: int, tightening_steps: int) -> float:
-    """Return a limit that falls within some steps from ``looseness`` times its value to its value."""
-    progress = wp.min(float(age) / float(wp.max(tightening_steps, 1)), 1.0)
-    return limit * (looseness + (1.0 - looseness) * progress)
+def annealed_limit(limit: float, initial_limit_scale: float, world_steps: int, limit_anneal_steps: int) -> float:
+    """Return a limit that falls within some steps from ``initial_limit_scale`` times its value to its value."""
+    progress = wp.min(float(world_steps) / float(wp.max(limit_anneal_steps, 1)), 1.0)
+    return limit * (initial_limit_scale + (1.0 - initial_limit_scale) * progress)
 
 
 @wp.kernel
@@ -49,9 +49,9 @@ def terminate(
     max_episode_length: wp.int64,
     max_distance: float,
     max_angle: float,
-    age: wp.array(dtype=int),
-    looseness: float,
-    tightening_steps: int,
+    world_steps: wp.array(dtype=int),
+    initial_limit_scale: float,
+    limit_anneal_steps: int,
     reason: wp.array(dtype=int),
     reason_count: wp.array(dtype=int),
     done: wp.array(dtype=wp.int64),
@@ -61,9 +61,9 @@ def terminate(
 
     A failure is reported before a time-out, since only a time-out may be bootstrapped from the value function.
     ``overflow`` is the solver's own bit mask, shape [num_worlds]; the bits of ``overflow_mask`` count, and it is
-    cleared. ``age`` is the number of control steps that a world has seen, shape [num_worlds]: within the first
-    ``tightening_steps`` the limits fall from ``looseness`` times their values. ``reason_count`` counts the ends by
-    reason, shape [number of reasons].
+    cleared. ``world_steps`` is the number of control steps that a world has seen, shape [num_worlds]: within the first
+    ``limit_anneal_steps`` the limits fall from ``initial_limit_scale`` times their values. ``reason_count`` counts the
+    ends by reason, shape [number of reasons].
     """
     world = wp.tid()
     why = int(REASON_NONE)
@@ -77,9 +77,9 @@ def terminate(
         angle = rotation_angle(root_orientation(robot, world), wp.transform_get_rotation(root))
         if body_contact[world] > 0:
             why = REASON_BODY_CONTACT
-        elif distance > tightened(max_distance, looseness, age[world], tightening_steps):
+        elif distance > annealed_limit(max_distance, initial_limit_scale, world_steps[world], limit_anneal_steps):
             why = REASON_DISTANCE
-        elif angle > tightened(max_angle, looseness, age[world], tightening_steps):
+        elif angle > annealed_limit(max_angle, initial_limit_scale, world_steps[world], limit_anneal_steps):
             why = REASON_ROTATION
         elif episode_length[world] >= max_episode_length:
             why = REASON_TIME_OUT

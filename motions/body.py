@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from kine2go_warp.motions.config import RetargetConfig
-from kine2go_warp.motions.rotations import continuous, to_rotation
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import leg_points
+from kine2go_warp.rotations import continuous, to_rotation
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ class CatalogueEntry:
     """Path within the data folder, or within the package if ``bundled``."""
     frames: FrameRange
     rate: float
-    """Frames per second [Hz]."""
+    """Frames per second [Hz]; of a file that cannot tell its own, it is the file's."""
     length: int
     """Rows of each trajectory in the paper's dataset."""
     sample: bool
@@ -74,28 +74,94 @@ class CatalogueEntry:
 
 @cache
 def load_catalogue() -> dict[str, CatalogueEntry]:
-    """Return all entries by name."""
-    with CATALOGUE_FILE.open("rb") as file:
-        content = tomllib.load(file)
-    entries = {}
-    for motion in content["motion"]:
-        collection = content["collection"][motion["collection"]]
+    """Return all entries by name.
+
+    Raises:
+        CatalogueError: the catalogue is damaged; the message names the line.
+    """
+    return parse_catalogue(CATALOGUE_FILE.read_text(encoding="utf-8"), CATALOGUE_FILE.name)
+
+
+COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
+MOTION_FIELDS = {
+    "name": str,
+    "collection": str,
+    "file": str,
+    "start": int,
+    "end": int,
+    "length": int,
+    "rate": float,
+    "sample": bool,
+    "description": str,
+}
+"""Fields and their types. All but those in ``OPTIONAL`` and a motion's own rate must be there."""
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description")
+DEFAULT_LENGTH = 571
+"""Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
+
+
+def parse_catalogue(text: str, where: str) -> dict[str, CatalogueEntry]:
+    """Return the entries of a catalogue by name.
+
+    Raises:
+        CatalogueError: it is not TOML, or a field is missing, unknown or of another type; the message names the line.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CatalogueError(f"{where}: not TOML ({error})") from None
+    headers = {
+        kind: [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith(kind)]
+        for kind in ("[collection.", "[[motion]]")
+    }
+    collections = content.get("collection", {})
+    for line, (name, values) in zip(headers["[collection."], collections.items(), strict=False):
+        check_fields(values, COLLECTION_FIELDS, f"{where}, line {line}, [collection.{name}]")
+    entries: dict[str, CatalogueEntry] = {}
+    for line, motion in zip(headers["[[motion]]"], content.get("motion", []), strict=False):
+        here = f"{where}, line {line}, [[motion]]"
+        check_fields(motion, MOTION_FIELDS, here)
+        if motion["collection"] not in collections:
+            raise CatalogueError(f"{here}: there is no [collection.{motion['collection']}]")
+        if motion["name"] in entries:
+            raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
+        collection = collections[motion["collection"]]
         entries[motion["name"]] = CatalogueEntry(
             name=motion["name"],
             collection=motion["collection"],
             source=collection["source"],
             file=collection["folder"] + motion["file"],
-            frames=FrameRange(motion["start"], motion["end"]),
+            frames=FrameRange(motion.get("start", 0), motion.get("end", -1)),
             rate=motion.get("rate", collection["rate"]),
-            length=motion["length"],
+            length=motion.get("length", DEFAULT_LENGTH),
             sample=motion.get("sample", False),
             bundled=collection.get("bundled", False),
             licence=collection["licence"],
             citation=collection["citation"],
-            sha256=content["sha256"].get(collection["folder"] + motion["file"].partition(":")[0], ""),
+            sha256=content.get("sha256", {}).get(collection["folder"] + motion["file"].partition(":")[0], ""),
             description=motion.get("description", ""),
         )
     return entries
+
+
+def check_fields(values: dict[str, object], fields: dict[str, type], where: str) -> None:
+    """Check the fields of a table.
+
+    Raises:
+        CatalogueError: one is missing, unknown or of another type.
+    """
+    optional = (*OPTIONAL, "rate") if "collection" in fields else OPTIONAL
+    missing = [name for name in fields if name not in values and name not in optional]
+    unknown = [name for name in values if name not in fields]
+    if missing or unknown:
+        problem = f"lacks {', '.join(missing)}" if missing else f"has unknown {', '.join(unknown)}"
+        raise CatalogueError(f"{where}: {problem}; the fields are {', '.join(fields)}")
+    for name, value in values.items():
+        kinds = (int, float) if fields[name] is float else (fields[name],)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and fields[name] is not bool):
+            raise CatalogueError(f"{where}: {name} is {value!r}, not a {fields[name].__name__}")
+    if isinstance(rate := values.get("rate", 1.0), int | float) and not 1.0 <= rate <= 1000.0:
+        raise CatalogueError(f"{where}: rate is {rate:g}; choose 1 to 1000 Hz")
 
 
 def motion_named(name: str) -> CatalogueEntry:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.motions.rotations import (
+from kine2go_warp.rotations import (
     continuous,
     from_rotation,
     heading,

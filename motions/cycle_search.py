@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.rotations import heading, to_rotation, turn_planar
 from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.rotations import heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.signedinteger]

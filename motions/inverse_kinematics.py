@@ -6,9 +6,9 @@ import numpy as np
 import placo  # pyright: ignore[reportMissingImports] - a compiled module
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.rotations import continuous, to_rotation
 from kine2go_warp.motions.targets import PoseTargets
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import continuous, to_rotation
 
 Array = NDArray[np.float64]
 

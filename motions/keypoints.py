@@ -34,6 +34,8 @@ class KeypointMotion:
     """Time stamps [s], shape [num_frames], evenly spaced."""
     position: NDArray[np.float64]
     """Positions in the ``KEYPOINTS`` order [m], z up, shape [num_frames, 10, 3]."""
+    remarks: tuple[str, ...] = ()
+    """What was repaired in the file."""
 
     def __post_init__(self) -> None:
         if self.position.shape != (len(self.time), len(KEYPOINTS), 3):
@@ -48,6 +50,13 @@ class KeypointMotion:
     def rate(self) -> float:
         """Frames per second [Hz]."""
         return (self.num_frames - 1) / float(self.time[-1] - self.time[0])
+
+    @property
+    def trunk_length(self) -> float:
+        """Median distance from pelvis to neck over the frames that have both [m]."""
+        length = np.linalg.norm(self.point("neck") - self.point("pelvis"), axis=1)
+        known = length[np.isfinite(length)]
+        return float(np.median(known)) if len(known) else 0.0
 
     def point(self, name: str) -> NDArray[np.float64]:
         """Return one keypoint's trajectory [m], shape [num_frames, 3]."""

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.body import lowest_body_point
 from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.motions.retarget import Retargeted
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,8 @@ class ClipQuality:
     start: int
     end: int
     """Range of source frames that was used."""
+    source_remarks: tuple[str, ...] = ()
+    """What was repaired in the file."""
 
 
 def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
@@ -90,6 +92,7 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         slow_down=clip.slow_down,
         start=clip.origin.start,
         end=clip.origin.end,
+        source_remarks=retargeted.remarks,
     )
 
 
@@ -111,7 +114,7 @@ def swing_clearance(bottom: Array, stance: NDArray[np.bool_]) -> float:
 
 def clip_remarks(quality: ClipQuality) -> list[str]:
     """Return the faults of a clip, and what else its figures need explained."""
-    remarks = clip_faults(quality)
+    remarks = [*clip_faults(quality), *quality.source_remarks]
     if quality.seam_jump > LARGEST_JUMP >= quality.seam_step:
         remarks.append(f"seam {quality.seam_jump:.2f} mean steps, for it lies in a swing")
     if quality.slow_down > 1.0:

@@ -22,11 +22,11 @@ from kine2go_warp.motions.cycle import (
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet
-from kine2go_warp.motions.targets import PoseTargets, pose_targets, standing_height
+from kine2go_warp.motions.targets import PoseTargets, pose_targets, reach_remarks, standing_height
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,8 @@ class Retargeted:
     seam_score: float
     """Distance between first frame and the one after the last in the source, in standard deviations of the motion; NaN
     where the file ends with the range."""
+    remarks: tuple[str, ...] = ()
+    """What was repaired in the file, and whether the feet reach the floor."""
 
 
 def retarget(
@@ -81,7 +83,7 @@ def retarget(
     """
     source = entry.motion_source
     path = entry.path(data_folder)
-    motion = source.read(path)
+    motion = source.load(path, entry.rate)
     if abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
         raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
     start, end = entry.frames.resolve(motion.num_frames, str(path))
@@ -100,7 +102,8 @@ def retarget(
     clip = replace(clip, keypoints=keypoints_of(clip, motion.scaled(source.scale), targets, start, end))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[:, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
-    return Retargeted(clip, float(steps.sum()), score)
+    remarks = motion.remarks + reach_remarks(clip.foot_position[..., 2] - solver.spec.foot_radius)
+    return Retargeted(clip, float(steps.sum()), score, remarks)
 
 
 def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: PoseTargets, start: int, end: int) -> Skeleton:

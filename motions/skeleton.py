@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, KeypointMotion
-from kine2go_warp.motions.rotations import heading, turn_planar, wrap_angle
+from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 

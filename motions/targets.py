@@ -6,15 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.floor import fit_floor
 from kine2go_warp.motions.keypoints import KeypointMotion
-from kine2go_warp.motions.rotations import from_matrices, heading, to_rotation, turn_planar
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import from_matrices, heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 
-STANCE_QUANTILE = 0.05
-"""A toe counts as standing at this quantile of its height: lower values are capture noise."""
+FLOOR_REACH = 0.02
+"""A foot below this height reaches the floor [m]."""
+LONGEST_FLIGHT = 0.6
+"""Largest share of a cycle that an animal is in the air."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,20 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
 
 
 def standing_height(motion: KeypointMotion) -> Array:
-    """Return the height of each toe while it stands [m], shape [4]; their mean is the animal's floor."""
-    return np.asarray(np.quantile(motion.points("toe")[..., 2], STANCE_QUANTILE, axis=0))
+    """Return the height of each toe while it stands on a level floor [m], shape [4]; their mean is the floor."""
+    return fit_floor(motion, is_level=True)[1]
+
+
+def reach_remarks(height: Array) -> tuple[str, ...]:
+    """Return a remark if no foot is near the floor for longer than any animal flies.
+
+    Args:
+        height: Of the feet's lowest points over the floor [m], shape [num_frames, 4].
+    """
+    share = float(np.mean(height.min(axis=1) > FLOOR_REACH))
+    if share <= LONGEST_FLIGHT:
+        return ()
+    return (f"no foot reaches the floor in {100.0 * share:.0f} % of the frames",)
 
 
 def root_orientation(motion: KeypointMotion, forward_lift: float) -> Array:

@@ -8,6 +8,7 @@ EventKind = Literal[
     "stage_started",
     "progress",
     "stage_finished",
+    "clip_assessed",
     "worker_died",
     "motion_finished",
     "motion_failed",

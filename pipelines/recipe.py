@@ -41,6 +41,8 @@ class Recipe:
     """Name of the folder that results go to."""
     motions: tuple[str, ...]
     """Names of catalogue entries."""
+    accept: tuple[str, ...] = ()
+    """Motions that are trained on even if their clip has gross faults."""
     retarget: RetargetConfig = field(default_factory=RetargetConfig)
     train: Preset = FAST
     gather: GatherConfig = field(default_factory=GatherConfig)
@@ -110,6 +112,8 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     for motion in recipe.motions:
         if recipe.motions.count(motion) > 1:
             refuse("motions", f"'motions' names {motion} more than once")
+    if unknown := sorted(set(recipe.accept) - set(recipe.motions)):
+        refuse("accept", f"'accept' names {', '.join(unknown)}, not among 'motions'")
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe

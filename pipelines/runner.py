@@ -91,6 +91,7 @@ class RecipeRunner:
         self._queue = deque(self.jobs)
         self._running: dict[str, tuple[str, ProgressNote | None]] = {}
         self._deaths: dict[tuple[str, str], int] = {}
+        self._assessed: set[str] = set()
         self._finished: list[str] = []
         self._failed: dict[str, Failure] = {}
         self._stopped: list[str] = []
@@ -158,6 +159,10 @@ class RecipeRunner:
                     return
                 if one.artefact is not None:
                     done.append(one)
+                    remarks = one.artefact.record.figures.get("clip_remarks", ())
+                    if remarks and motion not in self._assessed:
+                        self._assessed.add(motion)
+                        self._tell("clip_assessed", motion, stage, "; ".join(remarks))
                     one.stage.show(job, one.artefact)
         except Kine2GoError as error:
             self._fail(motion, stage or "retarget", str(error))
@@ -172,7 +177,8 @@ class RecipeRunner:
         del self._running[motion]
         self.workspace.progress(motion).unlink(missing_ok=True)
         if outcome.state == "failed":
-            self._fail(motion, stage, outcome.why)
+            doubt = "; the clip itself is doubtful, see 'kine2go status'" if motion in self._assessed else ""
+            self._fail(motion, stage, outcome.why + doubt)
         elif outcome.state == "stopped" or self.workspace.stop_file.exists():
             self._stop(motion, stage)
         elif outcome.state == "done":

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 import zarr
 
-from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.env.config import EnvConfig
@@ -124,7 +124,7 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     # A policy after three iterations drifts far; these limits keep all of its rollouts.
     loose = GatherConfig(trajectories=5, rows=150, **ANYTHING_GOES)
     gather(policy, DatasetWriter(folder / "gathered.zarr", GO2), loose, "cpu")
-    motion = read_motion(folder / "gathered.zarr", "dog_trot")
+    motion = open_dataset(folder / "gathered.zarr", include_rejected=True).load("dog_trot")
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)
     trajectories = replace(motion.trajectories, draws={**motion.trajectories.draws, "length": length})
     rows = trajectories.padded().rows

@@ -9,7 +9,21 @@ import pytest
 
 from tests.conftest import REPOSITORY
 
-LEAVES = {"kine2go_warp", "errors", "files", "settings", "device", "interruption", "machine", "revision"}
+LEAVES = {
+    "kine2go_warp",
+    "device",
+    "errors",
+    "files",
+    "interruption",
+    "machine",
+    "metrics",
+    "objects",
+    "quantities",
+    "revision",
+    "rotations",
+    "settings",
+    "tables",
+}
 
 ALLOWED = {
     "kernels": {"kernels"},

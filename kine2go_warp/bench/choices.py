@@ -3,7 +3,7 @@
 Nothing heavy is imported here: the command line reads it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from kine2go_warp.learning.presets import FAST, Preset
@@ -21,9 +21,7 @@ class Choice:
 
     def apply(self, preset: Preset) -> Preset:
         """Return the preset with the change."""
-        for path, value in self.values:
-            preset = with_value(preset, path, value)
-        return preset
+        return preset.override(dict(self.values))
 
 
 CHOICES = (
@@ -31,9 +29,9 @@ CHOICES = (
     Choice(
         "default_pose",
         "joint target = default pose + output (paper), instead of a residual on the reference",
-        (("env.action.form", "default_pose"),),
+        (("env.action.mode", "default_offset"),),
     ),
-    Choice("no_feed_forward", "the reference's velocity is not fed forward", (("env.action.form", "reference_pose"),)),
+    Choice("no_feed_forward", "the reference's velocity is not fed forward", (("env.action.mode", "residual"),)),
     Choice("symmetry", "each sample also mirrored, left for right", (("ppo.symmetry", True),)),
     Choice(
         "weighted_phases",
@@ -69,7 +67,7 @@ CHOICES = (
     Choice(
         "action_rate",
         "the squared change of the outputs costs 0.02 (times 1/60) of the reward",
-        (("env.reward.action_rate", 0.02),),
+        (("env.rewards.action_rate.weight", -0.02),),
     ),
     Choice(
         "tightening",
@@ -77,8 +75,8 @@ CHOICES = (
         (
             ("env.termination.max_distance", 0.2),
             ("env.termination.max_angle", 0.5),
-            ("env.termination.looseness", 4.0),
-            ("env.termination.tightening_time", 16.0),
+            ("env.termination.initial_limit_scale", 4.0),
+            ("env.termination.limit_anneal_time", 16.0),
         ),
     ),
     Choice(
@@ -111,12 +109,6 @@ CHOICES = (
         "paper_network", "layers of 512, 256, 128 (paper), instead of half", (("ppo.hidden_dims", (512, 256, 128)),)
     ),
 )
-
-
-def with_value(settings: Any, path: str, value: Any) -> Any:
-    """Return settings with the value at a path of field names, ``a.b.c``, replaced."""
-    name, _, rest = path.partition(".")
-    return replace(settings, **{name: with_value(getattr(settings, name), rest, value) if rest else value})
 
 
 @dataclass(frozen=True)

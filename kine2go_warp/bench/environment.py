@@ -48,7 +48,7 @@ def bench_environment(
 
     def run() -> None:
         for step in range(steps):
-            wp.copy(environment.output, outputs[step % len(outputs)])
+            wp.copy(environment.action, outputs[step % len(outputs)])
             environment.step()
 
     without_physics = capture_without_physics(environment)
@@ -117,7 +117,7 @@ def used_memory(device: str) -> float:
 def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp.array]:
     """Return random outputs of the policy on the device."""
     rng = np.random.default_rng(0)
-    shape = environment.output.shape
+    shape = environment.action.shape
     draws = (rng.normal(0.0, OUTPUT_NOISE, shape) for _ in range(count))
     return [wp.array(draw, dtype=float, device=environment.device) for draw in draws]
 

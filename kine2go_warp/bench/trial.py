@@ -14,21 +14,20 @@ import torch
 import warp as wp
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.quality import tracking_quality
+from kine2go_warp import metrics
 from kine2go_warp.dataset.trajectories import padded
 from kine2go_warp.env.config import EnvConfig, RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.runner import ImitationRunner, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+from kine2go_warp.metrics import tracking_quality
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.recorder import RolloutRecorder
 from kine2go_warp.rollouts.spool import RowSpool
-from kine2go_warp.scores import metrics
 
 Rows = dict[str, NDArray]
 
@@ -184,7 +183,8 @@ def roll_out(env: ImitationVecEnv, actor: NoisyPolicy, noise: torch.Tensor) -> t
 def figures(rows: Rows, lengths: NDArray, config: EnvConfig) -> Figures:
     """Return the figures of some rollouts."""
     num_rows = round(DURATION * config.control_rate)
-    best = float(np.dot(config.reward.weights, MAXIMUM_REWARDS)) / config.control_rate * num_rows
+    assert config.largest_reward is not None
+    best = config.largest_reward * num_rows
     with warnings.catch_warnings():
         # A rollout that fails at once has no rows: its figures are NaN and left out.
         warnings.simplefilter("ignore")

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from kine2go_warp.dataset.checks.records import Finding, Report
+    from kine2go_warp.tables import Table
 
 Positional = tyro.conf.Positional
 
 FOUND = 1
 """Exit status of a check that found something."""
+
+COLOURS = {"ok": "green", "failed": "red", "skipped": "yellow"}
+"""Of the states of checks."""
 
 FEW = 3
 """Up to so many motions have a column of their own."""
@@ -41,6 +43,7 @@ class Check:
         from rich.console import Console
         from rich.progress import Progress, TextColumn
 
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checks.run import check_dataset
         from kine2go_warp.robots import GO2
         from kine2go_warp.scores.report import robot_note
@@ -59,70 +62,61 @@ class Check:
             print(json.dumps(report.to_json(), indent=2, allow_nan=False))
         else:
             print_report(report)
-            if note := robot_note(self.dataset, GO2):
+            if note := robot_note(open_dataset(self.dataset), GO2):
                 errors.print(f"remark: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0 if report.is_clean else FOUND
 
 
 def print_report(report: "Report") -> None:
     """Print the table of checks, a line for each finding, and what would explain them."""
-    from kine2go_warp.cli.tables import console
+    from kine2go_warp.cli.tables import print_table, say
 
-    output = console()
-    table = table_of_checks(report) if len(report.motions) <= FEW else table_of_motions(report)
-    output.print(table)
+    print_table(table_of_checks(report) if len(report.motions) <= FEW else table_of_motions(report))
     for finding, others in condensed(report.findings):
         sign = "remark" if finding.is_remark else "wrong"
         more = f"; {others} more trajectories" if others > 1 else "; one more trajectory" if others else ""
-        output.print(f"{sign}: {finding}{more}", highlight=False, soft_wrap=True, markup=False)
+        say(f"{sign}: {finding}{more}")
     for diagnosis in report.diagnoses:
-        output.print(f"likely: {diagnosis}", highlight=False, soft_wrap=True, markup=False)
+        say(f"likely: {diagnosis}")
     failed = sum(result.state == "failed" for result in report.results)
     passed = sum(result.state == "ok" for result in report.results)
     skipped = sum(result.state == "skipped" for result in report.results)
     left_out = f", {skipped} left out for want of arrays or attributes" if skipped else ""
     verdict = "clean" if report.is_clean else "not clean"
-    output.print(f"{report.dataset}: {verdict}; {passed} checks hold, {failed} do not{left_out}", soft_wrap=True)
+    say(f"{report.dataset}: {verdict}; {passed} checks hold, {failed} do not{left_out}")
 
 
 def table_of_checks(report: "Report") -> "Table":
     """Return a table with a row for each check and a column for each motion."""
-    from rich.table import Table
+    from kine2go_warp.tables import Cell, make_table
 
-    table = Table(title=report.dataset, title_justify="left")
-    for heading in ("check", *report.motions):
-        table.add_column(heading)
     states = {(result.check, result.motion): result.state for result in report.results}
+    rows = []
     for check in dict.fromkeys(result.check for result in report.results):
         whole = states.get((check, None), "")
-        table.add_row(check, *(styled(worse(states.get((check, motion), ""), whole)) for motion in report.motions))
-    return table
+        own = (worse(states.get((check, motion), ""), whole) for motion in report.motions)
+        rows.append((check, *(Cell(state, style=COLOURS.get(state, "")) for state in own)))
+    headings = ("check", *report.motions)
+    return make_table(report.dataset, headings, rows, headings)
 
 
 def table_of_motions(report: "Report") -> "Table":
     """Return a table with a row for each motion: how many checks hold, and which do not."""
-    from rich.table import Table
+    from kine2go_warp.tables import make_table
 
-    table = Table(title=report.dataset, title_justify="left")
-    for heading in ("motion", "ok", "failed", "left out", "failed checks"):
-        table.add_column(heading, justify="left" if heading in ("motion", "failed checks") else "right")
+    rows = []
     for motion in (None, *report.motions):
         results = [result for result in report.results if result.motion == motion]
         count = Counter(result.state for result in results)
         failed = ", ".join(result.check for result in results if result.state == "failed")
-        table.add_row(motion or "(root)", *(str(count[state]) for state in ("ok", "failed", "skipped")), failed)
-    return table
+        rows.append((motion or "(root)", *(str(count[state]) for state in ("ok", "failed", "skipped")), failed))
+    headings = ("motion", "ok", "failed", "left out", "failed checks")
+    return make_table(report.dataset, headings, rows, ("motion", "failed checks"))
 
 
 def worse(own: str, whole: str) -> str:
     """Return the worse of two states, a motion's and the whole dataset's."""
     return "failed" if "failed" in (own, whole) else own or whole
-
-
-def styled(state: str) -> str:
-    """Return a state in its colour."""
-    colours = {"ok": "green", "failed": "red", "skipped": "yellow"}
-    return f"[{colours[state]}]{state}[/]" if state in colours else state
 
 
 def condensed(findings: "tuple[Finding, ...]") -> "list[tuple[Finding, int]]":

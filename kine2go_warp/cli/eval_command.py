@@ -124,11 +124,11 @@ def add_columns(table: "Table", told_apart_by: str) -> None:
 
 def cells(result: "Result") -> tuple[str, ...]:
     """Return a result as the cells of those columns."""
-    from kine2go_warp.cli.score_command import figure
+    from kine2go_warp.tables import number_text
 
     survival = result.survival
-    share = f"{figure(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
-    return result.clip, result.condition, share, *(figure(result.estimate(name).value) for name in HEADLINES)
+    share = f"{number_text(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
+    return result.clip, result.condition, share, *(number_text(result.estimate(name).value) for name in HEADLINES)
 
 
 def print_early_ends(output: "Console", results: "Sequence[Result]") -> None:

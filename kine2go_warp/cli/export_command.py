@@ -28,8 +28,8 @@ class Export:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.exports.export import default_folder, export_dataset
+        from kine2go_warp.tables import counted
 
         out = self.out or default_folder(self.dataset, self.format)
         output = console()

@@ -103,6 +103,8 @@ class Cycles:
     """A motion file (for Solo8: file.pt:K)."""
     source: str = "ai4animation"
     """Which reader the file needs: ai4animation, vhdc or solo8."""
+    rate: float | None = None
+    """Frames per second of a file that cannot tell its own [Hz]; 60 by default."""
     shortest: float = 0.35
     """Shortest cycle [s]."""
     longest: float = 3.0
@@ -122,8 +124,14 @@ class Cycles:
 
         if not 0.0 < self.shortest <= self.longest or self.count < 1:
             raise Kine2GoError("choose 0 < shortest <= longest and a count of at least 1")
+        if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
+            raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
         source = source_named(self.source)
-        motion = source.read(self.file)
+        motion = source.load(self.file, self.rate)
+        if self.rate is not None and abs(motion.rate / self.rate - 1.0) > 0.01:
+            raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
+        for remark in motion.remarks:
+            print(f"{self.file}: {remark}", file=sys.stderr)
         targets = pose_targets(motion, source, GO2)
         frames = round(self.shortest * motion.rate), round(self.longest * motion.rate)
         found = find_cycles(targets, max(frames[0], 3), frames[1], self.count, self.travel)

@@ -20,16 +20,17 @@ class Quality:
     def run(self) -> int:
         """Print a table a motion."""
         from kine2go_warp.cli.tables import print_distributions
-        from kine2go_warp.dataset.reader import motion_names, read_motion
-        from kine2go_warp.errors import DatasetError
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.scores.distributions import distributions, draw_distributions
+        from kine2go_warp.scores.report import review_note, scored_motions
 
-        names = list(self.motions) or motion_names(self.dataset)
-        if not names:
-            raise DatasetError(f"{self.dataset}: holds no motion yet")
+        dataset = open_dataset(self.dataset)
+        names = scored_motions(dataset, self.motions)
         found = {name: distributions(self.dataset, name) for name in names}
         for name, figures in found.items():
-            print_distributions(name, figures, read_motion(self.dataset, name).attributes)
+            print_distributions(name, figures, dataset.motion(name).attributes)
+        if note := review_note(dataset, self.motions):
+            print(f"{self.dataset}: {note}")
         if self.picture is not None:
             self.picture.parent.mkdir(parents=True, exist_ok=True)
             draw_distributions(found, self.picture)

@@ -34,7 +34,7 @@ class Replay:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console, print_replays
-        from kine2go_warp.dataset.reader import motion_names, read_motion
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.device import choose_device
         from kine2go_warp.errors import DatasetError
         from kine2go_warp.robots import GO2
@@ -43,16 +43,17 @@ class Replay:
 
         if self.count < 1:
             raise DatasetError("count must be at least 1")
-        motions = [self.motion] if self.motion is not None else motion_names(self.dataset)
+        dataset = open_dataset(self.dataset)
+        motions = [self.motion] if self.motion is not None else dataset.motions
         output = console()
         results: list[tuple[str, str, list[ReplayResult]]] = []
         for motion in track(motions, "replaying", console=output, transient=True, disable=not output.is_terminal):
-            data = read_motion(self.dataset, motion)
-            if note := model_difference(data.attributes, GO2):
+            opened = dataset.motion(motion)
+            if note := model_difference(opened.attributes, GO2):
                 output.print(f"{motion}: made with another robot model ({note})")
-            gathered_on = str(data.attributes.get("device", "cpu"))
+            gathered_on = str(opened.attributes.get("device", "cpu"))
             device = choose_device(self.device or gathered_on)
-            chosen = list(range(min(self.count, data.trajectories.num_trajectories)))
+            chosen = list(range(min(self.count, len(opened.lengths))))
             if self.trajectory is not None:
                 chosen = [self.trajectory]
             results.append((motion, device, replay_motion(self.dataset, motion, chosen, self.engine, device)))

@@ -28,8 +28,8 @@ class Report:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.reports.report import default_path, write_report
+        from kine2go_warp.tables import counted
 
         path = self.out or default_path(self.dataset)
         output = console()

@@ -89,10 +89,10 @@ class Review:
         Raises:
             DatasetError: there is no dataset, it is empty, or it lacks one of them.
         """
-        from kine2go_warp.dataset.motion import Motion
-        from kine2go_warp.scores.report import chosen_motions
+        from kine2go_warp.dataset import open_dataset
 
-        return [Motion(self.target, name) for name in chosen_motions(self.target, self.motions)]
+        dataset = open_dataset(self.target)
+        return [dataset.motion(name) for name in dataset.chosen(self.motions)]
 
     def _meshes(self) -> "Meshes | None":
         """Return the user's meshes, if there are any."""
@@ -110,9 +110,9 @@ class Review:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.recordings.motion import Style
         from kine2go_warp.recordings.shelf import Shelf
+        from kine2go_warp.tables import counted
 
         output = console()
         shelf = Shelf(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
@@ -159,8 +159,8 @@ class Review:
 
     def _judge(self) -> int:
         """Keep the verdicts that are given as options."""
-        from kine2go_warp.dataset.summary import counted
         from kine2go_warp.dataset.verdicts import ACCEPTED, REJECTED, add_verdicts, new_verdict
+        from kine2go_warp.tables import counted
 
         both = set(self.accept) & set(self.reject)
         if both:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kine2go_warp.dataset.doubt import LIMITS, STORED, Doubt, doubts
+from kine2go_warp.dataset.doubt import STORED, Doubt, doubts
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.dataset.verdicts import (
     ACCEPTED,
     REJECTED,
@@ -18,6 +17,8 @@ from kine2go_warp.dataset.verdicts import (
     remove_verdict,
     standing_verdicts,
 )
+from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.tables import counted
 
 HELP = "a accept, r reject, s skip, u undo, q quit"
 
@@ -116,14 +117,14 @@ def described(doubt: Doubt, motion: Motion) -> str:
     one = doubt.reference
     share = "unknown" if math.isinf(doubt.value) else f"{doubt.value:.0%}"
     lines = [f"{one.motion}/{one.index}  doubt {share}  {motion.time[one.length - 1]:.1f} s"]
-    for limit, figure, bound in zip(LIMITS, doubt.figures, doubt.limits, strict=True):
+    for limit, figure, bound in zip(FILTER_METRICS, doubt.figures, doubt.limits, strict=True):
         if math.isnan(figure):
             continue
         of = "" if math.isnan(bound) else f" of {bound:g}"
         unit = "" if limit.unit == "1" else f" {limit.unit}"
         mark = "  <" if limit.label == doubt.worst else ""
         lines.append(f"  {limit.label:<14} {figure:.4g}{of}{unit}{mark}")
-    said = {STORED, *(f"quality/{limit.figure}" for limit in LIMITS)}
+    said = {STORED, *(f"quality/{limit.name}" for limit in FILTER_METRICS)}
     for title, names in grouped(motion).items():
         figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names if name not in said)
         lines.append(f"  {title:<14} {figures}")

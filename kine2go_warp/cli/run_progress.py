@@ -131,6 +131,7 @@ def sentence(event: Event) -> str:
         "stage_started": f"{where}: {event.detail}",
         "progress": f"{where}: {event.done}/{event.total}  {event.detail}  {duration(event.seconds_left)}".rstrip(),
         "stage_finished": f"{where}: done in {duration(event.seconds)}",
+        "clip_assessed": f"{event.motion}: the clip is doubtful: {event.detail}",
         "worker_died": f"{where}: {event.detail}; trying again",
         "motion_finished": f"{event.motion}: {event.figures.get('accepted', 0)} rollouts accepted"
         + (f" (rejected: {rejected})" if rejected else ""),

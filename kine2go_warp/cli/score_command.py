@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 Positional = tyro.conf.Positional
 
 HEADLINES = {
-    "joint_rmse": "joint\nRMSE\n[rad]",
-    "root_error": "root\nerror\n[m]",
-    "foot_error": "foot\nerror\n[m]",
-    "body_emd": "body\nEMD\n[m]",
-    "foot_slip": "foot\nslip\n[m/s]",
-    "acceptance": "acc-\nepted\n[1]",
+    "joint_rmse": "joint RMSE",
+    "root_error": "root error",
+    "foot_error": "foot error",
+    "body_emd": "body EMD",
+    "foot_slip": "foot slip",
+    "acceptance": "accepted",
 }
 """Figures that are shown of every motion, with their headings."""
 
@@ -44,27 +44,21 @@ class Score:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
-        from kine2go_warp.dataset.summary import counted
-        from kine2go_warp.dataset.used import read_used
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.robots import GO2
         from kine2go_warp.scores.plots import curves_of, draw
-        from kine2go_warp.scores.report import chosen_motions, measure, robot_note, score, write_json
+        from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
-        names = chosen_motions(self.dataset, self.motions)
+        dataset = open_dataset(self.dataset)
+        names = scored_motions(dataset, self.motions)
         self._check_outputs()
         output = console()
-        measured, curves, left_out, total = [], [], 0, 0
+        measured, curves = [], []
         for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
-            data, rejected = read_used(self.dataset, name)
-            left_out += rejected
-            total += rejected + data.trajectories.num_trajectories
-            if data.trajectories.num_trajectories == 0:
-                continue
+            data = dataset.load(name)
             measured.append(measure(data, GO2))
             if self.plots is not None:
                 curves.append(curves_of(data))
-        if not measured:
-            raise DatasetError(f"{self.dataset}: all trajectories were rejected in a review; nothing is left to score")
         scores = score(measured)
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)
@@ -72,11 +66,9 @@ class Score:
             for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
-        if left_out:
-            note = f"left out {left_out} of {counted(total, 'trajectory')}, rejected in a review"
-            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
-        if note := robot_note(self.dataset, GO2):
-            output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True)
+        for note in (review_note(dataset, self.motions), robot_note(dataset, GO2)):
+            if note:
+                output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0
 
     def _check_outputs(self) -> None:
@@ -98,36 +90,25 @@ class Score:
 
 
 def print_scores(scores: "DatasetScores", dataset: Path) -> None:
-    """Print a line a motion, then all figures of all of them together."""
-    from rich.markup import escape
-    from rich.table import Table
-
-    from kine2go_warp.cli.tables import console
+    """Print a line for each motion, then all figures of all of them together."""
+    from kine2go_warp.cli.tables import print_table
     from kine2go_warp.scores.registry import METRICS
+    from kine2go_warp.tables import Column, make_table, number_text
 
-    output = console()
-    motions = list(scores.motions)
+    motions, known = list(scores.motions), {metric.name: metric for metric in METRICS}
     if len(motions) > 1:
-        table = Table(title=escape(f"{dataset}: motions"), title_justify="left")
-        table.add_column("motion", overflow="fold")
-        for heading in HEADLINES.values():
-            table.add_column(escape(heading), justify="right")
-        for motion, estimates in scores.motions.items():
-            table.add_row(motion, *(figure(estimates[name].value) for name in HEADLINES))
-        output.print(table)
+        columns = [Column("motion", number=False)]
+        columns += [Column(heading, known[name].unit) for name, heading in HEADLINES.items()]
+        rows = [
+            (motion, *(number_text(estimates[name].value) for name in HEADLINES))
+            for motion, estimates in scores.motions.items()
+        ]
+        print_table(make_table(f"{dataset}: motions", columns, rows))
     title = motions[0] if len(motions) == 1 else f"all {len(motions)} motions, each counts the same"
-    table = Table(title=escape(f"{dataset}: {title}"), title_justify="left")
-    for heading in ("figure", "unit", "mean", "95 % interval", "better"):
-        table.add_column(heading, justify="right" if heading in ("mean", "95 % interval") else "left")
+    rows = []
     for metric in METRICS:
-        estimate = scores.overall[metric.name]
-        interval = f"{figure(estimate.low)} to {figure(estimate.high)}"
-        table.add_row(metric.name, metric.unit, figure(estimate.value), interval, metric.better)
-    output.print(table)
-
-
-def figure(value: float) -> str:
-    """Return a number with three significant digits."""
-    if value != value:  # noqa: PLR0124 - NaN differs from itself
-        return "-"
-    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+        one = scores.overall[metric.name]
+        interval = f"{number_text(one.low)} to {number_text(one.high)}"
+        rows.append((metric.name, metric.unit, number_text(one.value), interval, metric.better))
+    headings = ("figure", "unit", "mean", "95 % interval", "better")
+    print_table(make_table(f"{dataset}: {title}", headings, rows, ("figure", "unit", "better")))

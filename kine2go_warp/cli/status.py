@@ -90,6 +90,9 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
         table.add_row(one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *figures)
     output.print(table)
     for one in found:
+        if remarks := one.figures.get("clip_remarks"):
+            line = f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}"
+            output.print(line, highlight=False, markup=False, soft_wrap=True)
         if one.next_stage:
             line = f"{one.motion}: would run {one.next_stage}: {one.why}"
             output.print(line, highlight=False, markup=False, soft_wrap=True)

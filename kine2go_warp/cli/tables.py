@@ -2,19 +2,21 @@
 
 import importlib.metadata
 import platform
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
+from rich.text import Text
 
 from kine2go_warp.device import start_warp
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.tables import Cell, Table, make_table
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -45,14 +47,56 @@ def console() -> Console:
     return output if output.is_terminal else Console(width=140)
 
 
+FOLDED = 24
+"""Columns of texts are folded to this width where a terminal is narrow."""
+
+
+def print_table(table: Table, output: Console | None = None) -> None:
+    """Print a table; where the terminal is too narrow for it, print a block of lines for each row.
+
+    Numbers, names and dates are never cut, and nothing in a title or cell is taken for rich's markup.
+    """
+    output = output or console()
+    if table.title:
+        output.print(Text(table.title, "italic"), soft_wrap=True)
+    rows = [row for row in (*table.rows, table.total) if row]
+    widths = [max([0, *(len(row[place].text) for row in rows)]) for place in range(len(table.columns))]
+    least = [
+        max([width if column.number else min(width, FOLDED), *map(len, column.heading.split())])
+        for width, column in zip(widths, table.columns, strict=True)
+    ]
+    if sum(least) + 3 * len(least) + 1 > output.width:
+        _print_blocks(table, rows, output)
+        return
+    made = RichTable()
+    for column, width in zip(table.columns, least, strict=True):
+        heading = "\n".join(textwrap.wrap(column.heading, width, break_long_words=False, break_on_hyphens=False))
+        side = "right" if column.number else "left"
+        made.add_column(Text(heading), justify=side, no_wrap=column.number, min_width=width, overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(one.text, one.style) for one in row), end_section=row is rows[-1] and bool(table.total))
+    output.print(made)
+
+
+def _print_blocks(table: Table, rows: Sequence[tuple[Cell, ...]], output: Console) -> None:
+    """Print a table as blocks: the first cell of a row, then a line for each of the others that is not empty."""
+    for row in rows:
+        output.print(Text(row[0].text, "bold"), soft_wrap=True)
+        for column, cell in zip(table.columns[1:], row[1:], strict=True):
+            if cell.text:
+                output.print(Text(f"  {column.heading}: ").append(cell.text, cell.style), soft_wrap=True)
+
+
+def say(text: str) -> None:
+    """Print a line as it is: no colours for numbers, no markup, no breaks of its own."""
+    console().print(text, highlight=False, soft_wrap=True, markup=False)
+
+
 def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:
     """Print what a dataset holds, computed from the data written."""
-    table = Table(title=f"{dataset} (figures computed from the data written)", title_justify="left")
-    headings = ("joint RMSE\n\\[rad]", "root error\n\\[cm]", "root angle\n\\[rad]", "foot error\n\\[cm]")
-    for heading in ("motion", "accepted", "rejected\nin review", "duration\n\\[s]", *headings):
-        table.add_column(heading, justify="left" if heading == "motion" else "right")
-    for row in summaries:
-        table.add_row(
+    headings = ("joint RMSE [rad]", "root error [cm]", "root angle [rad]", "foot error [cm]")
+    rows = [
+        (
             row.motion,
             f"{row.accepted}/{row.total}",
             str(row.rejected_in_review),
@@ -62,84 +106,71 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
             f"{row.root_angle:.3f}",
             f"{100.0 * row.foot_error:.1f}",
         )
-    output = console()
-    output.print(table)
+        for row in summaries
+    ]
+    columns = ("motion", "accepted", "rejected in review", "duration [s]", *headings)
+    print_table(make_table(f"{dataset} (figures computed from the data written)", columns, rows, ("motion",)))
     if recordings is not None:
         for row in summaries:
             path = recordings / f"{row.motion}.rrd"
             if path.is_file():
-                output.print(f"look at it: rerun {path}", highlight=False, soft_wrap=True)
+                say(f"look at it: rerun {path}")
 
 
 def print_rejections(result: "GatherResult") -> None:
     """Print why rollouts were rejected, which ones are worth a look, and how fast they were gathered."""
-    output = console()
     if result.rejected:
-        table = Table(title=f"{result.motion}: rejected rollouts", title_justify="left")
-        table.add_column("reason")
-        table.add_column("rollouts", justify="right")
-        for reason, count in sorted(result.rejected.items(), key=lambda item: -item[1]):
-            table.add_row(reason, str(count))
-        output.print(table)
+        rows = [(reason, str(count)) for reason, count in sorted(result.rejected.items(), key=lambda item: -item[1])]
+        print_table(make_table(f"{result.motion}: rejected rollouts", ("reason", "rollouts"), rows, ("reason",)))
     if result.borderline:
         numbers = ", ".join(str(number) for number in result.borderline)
-        output.print(
-            f"{result.motion}: worth a look, the most doubtful first: {numbers}", highlight=False, soft_wrap=True
-        )
+        say(f"{result.motion}: worth a look, the most doubtful first: {numbers}")
     if result.is_new:
-        output.print(
+        say(
             f"{result.motion}: {result.rows_per_second:,.0f} rows/s and {result.megabytes_per_second:.1f} MB/s while "
             f"simulating, {100.0 * result.waiting_share:.1f} % of it waiting for the disk; dataset written in "
-            f"{result.write_time:.1f} s",
-            highlight=False,
-            soft_wrap=True,
+            f"{result.write_time:.1f} s"
         )
 
 
 def print_distributions(motion: str, figures: "Sequence[Distribution]", attributes: dict[str, Any]) -> None:
     """Print the figures of a motion's rollouts, why rollouts were rejected, and which ones are worth a look."""
-    table = Table(title=f"{motion}: {len(figures[0].accepted)} accepted rollouts", title_justify="left")
-    for heading in ("figure", "unit", "median", "90 %", "largest", "limit"):
-        table.add_column(heading, justify="left" if heading in ("figure", "unit") else "right")
+    rows = []
     for one in figures:
         values = (one.quantile(0.5), one.quantile(0.9), one.quantile(1.0), one.limit)
-        table.add_row(one.name, escape(one.unit), *(f"{value:.4g}" for value in values))
-    output = console()
-    output.print(table)
+        rows.append((one.name, one.unit, *(f"{value:.4g}" for value in values)))
+    headings, texts = ("figure", "unit", "median", "90 %", "largest", "limit"), ("figure", "unit")
+    print_table(make_table(f"{motion}: {len(figures[0].accepted)} accepted rollouts", headings, rows, texts))
     rejected = ", ".join(f"{count} {reason}" for reason, count in attributes.get("rejected", {}).items())
-    output.print(f"rejected: {rejected or 'none'}", highlight=False)
+    say(f"rejected: {rejected or 'none'}")
     doubtful = ", ".join(str(number) for number in attributes.get("borderline", ()))
-    output.print(f"worth a look, the most doubtful first: {doubtful or 'none'}", highlight=False, soft_wrap=True)
+    say(f"worth a look, the most doubtful first: {doubtful or 'none'}")
 
 
 def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engine: str) -> None:
     """Print how replays compare with the record."""
     from kine2go_warp.rollouts.replay import HORIZONS
 
-    title = f"replay in {engine}: largest differences of root [mm] and joints [mrad] within a time"
-    table = Table(title=escape(title), title_justify="left")
     times = (*(f"{horizon} s" for horizon in HORIZONS), "to the end")
-    for heading in ("motion", "device", "trajectory", "rows", "same bits", *times):
-        table.add_column(heading, justify="left" if heading in ("motion", "device") else "right")
+    rows = []
     for motion, device, found in results:
         for one in found:
             same = "all" if one.first_difference is None else f"before row {one.first_difference}"
-            shown = (
+            differences = (
                 f"{1e3 * root:.3g} / {1e3 * joint:.3g}"
                 for root, joint in zip(one.root_difference, one.joint_difference, strict=True)
             )
-            table.add_row(motion, device, str(one.trajectory), str(one.num_rows), same, *shown)
-    console().print(table)
+            rows.append((motion, device, str(one.trajectory), str(one.num_rows), same, *differences))
+    title = f"replay in {engine}: largest differences of root [mm] and joints [mrad] within a time"
+    headings = ("motion", "device", "trajectory", "rows", "same bits", *times)
+    print_table(make_table(title, headings, rows, ("motion", "device")))
 
 
 def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:
     """Print the figures of retargeted clips."""
-    table = Table(title=str(folder), title_justify="left")
     headings = ("clip", "frames", "period", "speed", "residual", "below floor", "slip", "limits", "seam", "remarks")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading in ("clip", "remarks") else "right")
-    for row in qualities:
-        table.add_row(
+    rows = [
+        (
             row.name,
             f"{row.start}-{row.end}",
             f"{row.period:.2f} s",
@@ -151,21 +182,21 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
             f"{row.seam_jump:.2f}",
             "; ".join(remarks[row.name]),
         )
-    console().print(table)
+        for row in qualities
+    ]
+    print_table(make_table(str(folder), headings, rows, ("clip", "remarks")))
 
 
 def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTargets, file: Path) -> None:
     """Print the best ranges of a motion."""
-    table = Table(title=f"{file}: best cycles", title_justify="left")
-    for heading in ("start", "end", "frames", "duration", "way", "seam score"):
-        table.add_column(heading, justify="right")
+    rows = []
     for one in found:
         way = np.linalg.norm(targets.root_position[one.end, :2] - targets.root_position[one.start, :2])
         frames = one.end - one.start
-        table.add_row(
-            str(one.start), str(one.end), str(frames), f"{frames / rate:.2f} s", f"{way:.2f} m", f"{one.score:.2f}"
+        rows.append(
+            (str(one.start), str(one.end), str(frames), f"{frames / rate:.2f} s", f"{way:.2f} m", f"{one.score:.2f}")
         )
-    console().print(table)
+    print_table(make_table(f"{file}: best cycles", ("start", "end", "frames", "duration", "way", "seam score"), rows))
 
 
 def print_bench(report: "BenchReport") -> None:
@@ -173,15 +204,13 @@ def print_bench(report: "BenchReport") -> None:
     from kine2go_warp.machine import machine
 
     settings = ", ".join(f"{value:,} {name}" for name, value in report.settings.items())
-    table = Table(title=f"{report.stage} on {report.device}: {settings}", title_justify="left")
-    for heading in ("figure", "median", "lowest", "highest", "unit", "what it is"):
-        table.add_column(heading, justify="right" if heading in ("median", "lowest", "highest") else "left")
+    rows = []
     for row in report.measurements:
-        shown = (f"{value:,.0f}" if value >= 100.0 else f"{value:.3f}" for value in (row.median, *row.spread))
-        table.add_row(row.name, *shown, row.unit, row.note)
-    output = console()
-    output.print(table)
-    output.print(", ".join(f"{name} {value}" for name, value in machine(report.device).items()), highlight=False)
+        values = (f"{value:,.0f}" if value >= 100.0 else f"{value:.3f}" for value in (row.median, *row.spread))
+        rows.append((row.name, *values, row.unit, row.note))
+    headings, texts = ("figure", "median", "lowest", "highest", "unit", "what it is"), ("figure", "unit", "what it is")
+    print_table(make_table(f"{report.stage} on {report.device}: {settings}", headings, rows, texts))
+    say(", ".join(f"{name} {value}" for name, value in machine(report.device).items()))
 
 
 def print_machine() -> None:
@@ -189,44 +218,36 @@ def print_machine() -> None:
     import warp as wp
 
     start_warp()
-    table = Table(title="software and devices", title_justify="left", show_header=False)
-    table.add_row("Python", platform.python_version())
+    rows = [("Python", platform.python_version())]
     for package in PACKAGES:
         try:
-            table.add_row(package, importlib.metadata.version(package))
+            rows.append((package, importlib.metadata.version(package)))
         except importlib.metadata.PackageNotFoundError:
-            table.add_row(package, "missing")
-    for device in wp.get_devices():
-        table.add_row(f"device {device.alias}", device.name)
-    table.add_row("used by default", "cuda:0" if wp.is_cuda_available() else "cpu")
-    table.add_row("kernel cache", str(wp.config.kernel_cache_dir))
-    console().print(table)
+            rows.append((package, "missing"))
+    rows += [(f"device {device.alias}", device.name) for device in wp.get_devices()]
+    rows.append(("used by default", "cuda:0" if wp.is_cuda_available() else "cpu"))
+    rows.append(("kernel cache", str(wp.config.kernel_cache_dir)))
+    print_table(make_table("software and devices", ("what", "version or name"), rows, ("what", "version or name")))
 
 
 def print_motions(entries: Sequence[CatalogueEntry], data_folder: Path | None) -> None:
     """Print motions and which of their files are there."""
-    table = Table(title="motions", title_justify="left")
-    for heading in ("name", "file", "frames", "rows", "sample", "licence", "there"):
-        table.add_column(heading)
+    headings = ("name", "file", "frames", "rows", "sample", "licence", "there")
+    rows = []
     for entry in entries:
         frames = f"{entry.frames.start} to {'last' if entry.frames.end == -1 else entry.frames.end}"
         there = "yes" if entry.is_there(data_folder) else "no"
         sample = "yes" if entry.sample else ""
-        table.add_row(entry.name, entry.file, frames, str(entry.length), sample, entry.licence, there)
-    output = console()
-    output.print(table)
+        rows.append((entry.name, entry.file, frames, str(entry.length), sample, entry.licence, there))
+    print_table(make_table("motions", headings, rows, ("name", "file", "frames", "sample", "licence", "there")))
     for entry in entries:
         if entry.description:
-            output.print(f"{entry.name}: {entry.description}", highlight=False, soft_wrap=True)
+            say(f"{entry.name}: {entry.description}")
     if data_folder is None:
-        output.print("No folder of source clips: name it with --data or in KINE2GO_DATA.")
+        say("No folder of source clips: name it with --data or in KINE2GO_DATA.")
 
 
 def print_file_states(entries: Sequence[CatalogueEntry], states: Sequence["FileState"]) -> None:
     """Print whether each motion's file can be used."""
-    table = Table(title="source files", title_justify="left")
-    for heading in ("name", "file", "state"):
-        table.add_column(heading)
-    for entry, state in zip(entries, states, strict=True):
-        table.add_row(entry.name, state.file, state.state)
-    console().print(table)
+    rows = [(entry.name, state.file, state.state) for entry, state in zip(entries, states, strict=True)]
+    print_table(make_table("source files", ("name", "file", "state"), rows, ("name", "file", "state")))

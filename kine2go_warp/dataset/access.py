@@ -9,9 +9,9 @@ from typing import Any
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
-from kine2go_warp.dataset.reader import motion_names
-from kine2go_warp.dataset.selection import by_motion, used_trajectories, validation_indices
+from kine2go_warp.dataset.motion import Motion, MotionData, Trajectory, TrajectoryReference
+from kine2go_warp.dataset.selection import by_motion, rejected_trajectories, validation_indices
+from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 
 
@@ -28,8 +28,16 @@ class Window:
     """Arrays by name, each of shape [rows, ...]."""
 
 
-def open_dataset(path: Path | str) -> "Dataset":
+def open_dataset(path: Path | str, include_rejected: bool = False) -> "Dataset":
     """Open a dataset; nothing but names and attributes is read.
+
+    Every loader, export, score and report reads through this, so it is the one place that decides which trajectories
+    count: all stored trajectories with at least one row that nobody rejected in a review. Rollouts that gathering
+    rejected lie in a sub-group of their own and are never among them.
+
+    Args:
+        path: Folder of the store.
+        include_rejected: Whether trajectories that were rejected in a review are part of it, too.
 
     Raises:
         DatasetError: there is no dataset at ``path``, or it has another format version.
@@ -37,23 +45,33 @@ def open_dataset(path: Path | str) -> "Dataset":
     path = Path(path)
     names = motion_names(path)
     attributes = dict(zarr.open_group(path, mode="r").attrs)
-    return Dataset(path, attributes, {name: _Opener(path, name) for name in names})
+    return Dataset(path, attributes, {name: _Opener(path, name, include_rejected) for name in names})
 
 
 class _Opener:
-    """Opens a motion when it is first needed."""
+    """Opens a motion, and reads what reviews said of it, when that is first needed."""
 
-    def __init__(self, path: Path, name: str) -> None:
-        self._path, self._name = path, name
+    def __init__(self, path: Path, name: str, include_rejected: bool) -> None:
+        self._path, self._name, self._include_rejected = path, name, include_rejected
 
     @cached_property
     def motion(self) -> Motion:
         """The motion."""
         return Motion(self._path, self._name)
 
+    @cached_property
+    def left_out(self) -> frozenset[int]:
+        """Indices of the trajectories that are left out because a review rejected them."""
+        return frozenset() if self._include_rejected else rejected_trajectories(self.motion)
+
+    @cached_property
+    def references(self) -> tuple[TrajectoryReference, ...]:
+        """The trajectories that are part of the dataset."""
+        return tuple(one for one in self.motion.references() if one.length > 0 and one.index not in self.left_out)
+
 
 class Dataset:
-    """Trajectories of a dataset: all that may be used, or a selection of them."""
+    """Trajectories of a dataset, or a selection of them."""
 
     def __init__(
         self,
@@ -68,7 +86,7 @@ class Dataset:
             path: Folder of the store.
             attributes: Of the store's root.
             openers: Its motions by name.
-            chosen: The trajectories; by default all of those motions that may be used.
+            chosen: The trajectories; by default all of those motions, but for those that a review rejected.
         """
         self.path, self.attributes = path, attributes
         self._openers, self._chosen = openers, chosen
@@ -88,7 +106,7 @@ class Dataset:
         """The trajectories, motion by motion; their arrays are not read."""
         if self._chosen is not None:
             return self._chosen
-        return tuple(one for name in self._openers for one in used_trajectories(self.motion(name)))
+        return tuple(one for opener in self._openers.values() for one in opener.references)
 
     @property
     def num_rows(self) -> int:
@@ -101,9 +119,35 @@ class Dataset:
         Raises:
             DatasetError: the dataset does not hold it, or it is damaged.
         """
-        if name not in self._openers:
-            raise DatasetError(f"{self.path}: holds no motion '{name}'; it has: {', '.join(self._openers) or 'none'}")
-        return self._openers[name].motion
+        return self._opener(name).motion
+
+    def left_out(self, name: str) -> frozenset[int]:
+        """Return the indices of a motion's trajectories that are left out because a review rejected them.
+
+        Raises:
+            DatasetError: the dataset does not hold the motion, or the file of reviews cannot be read.
+        """
+        return self._opener(name).left_out
+
+    def load(self, name: str) -> MotionData:
+        """Read the trajectories of one motion into memory, padded with NaN to the same number of rows.
+
+        Raises:
+            DatasetError: the dataset does not hold the motion, an array or the file of reviews cannot be read, or data
+                are missing.
+        """
+        motion = self.motion(name)
+        return motion.load([one for one in self.references if one.motion == name])
+
+    def chosen(self, motions: Sequence[str] = ()) -> list[str]:
+        """Return the names that are given, each once and checked, or those of all motions if none is given.
+
+        Raises:
+            DatasetError: the dataset is empty, or lacks one of them.
+        """
+        if not self.motions:
+            raise DatasetError(f"{self.path}: holds no motions; add some with 'kine2go gather'")
+        return [self.motion(name).name for name in dict.fromkeys(motions)] or self.motions
 
     def select(
         self,
@@ -184,6 +228,11 @@ class Dataset:
             for start in range(0, one.length - rows + 1, stride):
                 cut = {name: values[start : start + rows] for name, values in one.arrays.items()}
                 yield Window(one.motion, one.index, start, cut)
+
+    def _opener(self, name: str) -> _Opener:
+        if name not in self._openers:
+            raise DatasetError(f"{self.path}: holds no motion '{name}'; it has: {', '.join(self._openers) or 'none'}")
+        return self._openers[name]
 
     def _with(self, chosen: Iterator[TrajectoryReference] | Sequence[TrajectoryReference]) -> "Dataset":
         """Return these motions with other trajectories."""

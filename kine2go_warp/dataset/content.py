@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from kine2go_warp.dataset.reader import motion_names
+from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 
 INCIDENTAL = ("training_seconds", "software_version", "software_revision")

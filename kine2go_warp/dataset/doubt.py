@@ -9,37 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
-from kine2go_warp.dataset.quality import rotation_angle
+from kine2go_warp.metrics import FILTER_METRICS, joint_rmse, root_angle, root_error
 
-
-@dataclass(frozen=True)
-class Limit:
-    """A threshold of the filter that gathering applies."""
-
-    setting: str
-    """Its name in the attribute ``gather_settings`` of a motion."""
-    figure: str
-    """What it limits: an array of the motion's group ``quality``."""
-    label: str
-    unit: str
-
-
-LIMITS = (
-    Limit("max_distance", "largest_root_error", "root distance", "m"),
-    Limit("max_angle", "largest_root_angle", "root angle", "rad"),
-    Limit("max_joint_rmse", "joint_rmse", "joint RMSE", "rad"),
-    Limit("max_leg_contact", "leg_contact", "leg contact", "1"),
-    Limit("max_joint_limit", "joint_limit", "joint limits", "1"),
-    Limit("max_torque_saturation", "torque_saturation", "torque limits", "1"),
-    Limit("max_action_saturation", "action_saturation", "action limits", "1"),
-    Limit("max_foot_slip", "foot_slip", "foot slip", "m/s"),
-    Limit("max_joint_jerk", "joint_jerk", "joint jerk", "rad/s^3"),
-    Limit("max_joint_speed", "joint_speed", "joint speed", "1"),
-    Limit("max_leg_overlap", "leg_overlap", "leg overlap", "m"),
-)
-"""The order of all figures of this file."""
-
-ROW_LIMITS = LIMITS[:3]
+ROW_LIMITS = FILTER_METRICS[:3]
 """Those whose errors are known row by row, also where a dataset stores no figures."""
 
 ERROR_ARRAYS = (
@@ -62,7 +34,7 @@ class Doubt:
 
     reference: TrajectoryReference
     figures: tuple[float, ...]
-    """The figures that ``LIMITS`` names, NaN where they are not known."""
+    """The figures that ``FILTER_METRICS`` names, NaN where they are not known."""
     limits: tuple[float, ...]
     """The limits, NaN where the motion's attributes have none."""
     stored: float = math.nan
@@ -85,7 +57,9 @@ class Doubt:
     def worst(self) -> str:
         """The figure that is closest to its limit, an empty text if no limit is known."""
         known = [
-            (share, limit.label) for share, limit in zip(self.shares, LIMITS, strict=True) if not math.isnan(share)
+            (share, limit.label)
+            for share, limit in zip(self.shares, FILTER_METRICS, strict=True)
+            if not math.isnan(share)
         ]
         return max(known, default=(0.0, ""))[1]
 
@@ -94,7 +68,7 @@ def filter_limits(attributes: Mapping[str, Any]) -> tuple[float, ...]:
     """Return the limits that a motion was filtered by, NaN where its attributes have none."""
     settings = attributes.get("gather_settings")
     known = settings if isinstance(settings, Mapping) else {}
-    values = [known.get(limit.setting) for limit in LIMITS]
+    values = [known.get(limit.setting) for limit in FILTER_METRICS]
     is_limit = [isinstance(value, int | float) and not isinstance(value, bool) and value > 0 for value in values]
     return tuple(float(value) if good else math.nan for value, good in zip(values, is_limit, strict=True))  # type: ignore
 
@@ -104,10 +78,7 @@ def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
 
     The last is the root mean square over the joints of that row.
     """
-    distance = rows["root_position"].astype(np.float64) - rows["reference_root_position"]
-    joints = rows["joint_position"].astype(np.float64) - rows["reference_joint_position"]
-    angle = rotation_angle(rows["root_orientation"], rows["reference_root_orientation"])
-    return np.stack([np.linalg.norm(distance, axis=-1), angle, np.sqrt(np.mean(joints**2, axis=-1))], axis=-1)
+    return np.stack([root_error(rows), root_angle(rows), joint_rmse(rows)], axis=-1)
 
 
 def doubt_of(reference: TrajectoryReference, limits: tuple[float, ...]) -> Doubt:
@@ -117,7 +88,7 @@ def doubt_of(reference: TrajectoryReference, limits: tuple[float, ...]) -> Doubt
     ``ERROR_ARRAYS``.
     """
     values = reference.values
-    figures = [float(values.get(f"quality/{limit.figure}", math.nan)) for limit in LIMITS]
+    figures = [float(values.get(f"quality/{limit.name}", math.nan)) for limit in FILTER_METRICS]
     if isinstance(reference, Trajectory) and any(math.isnan(figure) for figure in figures[: len(ROW_LIMITS)]):
         distance, angle, joints = row_errors(reference.arrays).T
         figures[: len(ROW_LIMITS)] = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
@@ -131,7 +102,7 @@ def doubts(motion: Motion, references: Sequence[TrajectoryReference]) -> Iterato
         DatasetError: an array cannot be read.
     """
     limits = filter_limits(motion.attributes)
-    if all(f"quality/{limit.figure}" in motion.trajectory_arrays for limit in ROW_LIMITS):
+    if all(f"quality/{limit.name}" in motion.trajectory_arrays for limit in ROW_LIMITS):
         yield from (doubt_of(reference, limits) for reference in references)
         return
     for trajectory in motion.read(references, ERROR_ARRAYS):

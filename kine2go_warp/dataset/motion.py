@@ -10,7 +10,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.schema import ArraySpec
+from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
+from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
 
 REJECTED_GROUP = "rejected"
@@ -40,6 +41,30 @@ class Trajectory(TrajectoryReference):
 
     arrays: dict[str, NDArray] = field(repr=False, compare=False)
     """Arrays by name, each of shape [length, ...]: no padding."""
+
+
+@dataclass(frozen=True)
+class MotionData:
+    """Trajectories of one motion in memory, padded to the same number of rows."""
+
+    name: str
+    attributes: dict[str, Any]
+    time: NDArray[np.float64]
+    """From the first kept row [s], shape [num_rows]."""
+    trajectories: Trajectories
+    indices: NDArray[np.int64]
+    """Index of each trajectory in the store, shape [num_trajectories]."""
+
+    @property
+    def frame_duration(self) -> float:
+        """Time from one row to the next [s].
+
+        Raises:
+            DatasetError: the motion has fewer than two rows.
+        """
+        if len(self.time) < 2:
+            raise DatasetError(f"{self.name}: holds fewer than two rows; see 'kine2go check'")
+        return float(self.time[1] - self.time[0])
 
 
 class TrajectoryValues(Mapping[str, Any]):
@@ -106,7 +131,7 @@ class Motion:
     @cached_property
     def time(self) -> NDArray[np.float64]:
         """From the first kept row [s], shape [num_rows]."""
-        return self._read("time", ...)
+        return self.values("time")
 
     def labels(self, dimension: str) -> tuple[str, ...]:
         """Return the labels along a dimension, such as the names of the joints.
@@ -132,9 +157,11 @@ class Motion:
         """Return dimensions, unit and meaning of a row array.
 
         Raises:
-            DatasetError: there is no such array.
+            DatasetError: there is no such array, or the schema's is missing.
         """
         if name not in self.row_arrays:
+            if name in {array.name for array in ROW_ARRAYS}:
+                raise self._missing(name)
             raise DatasetError(
                 f"{self.path}/{self.name}: holds no row array '{name}'; it has: {', '.join(sorted(self.row_arrays))}"
             )
@@ -150,7 +177,10 @@ class Motion:
             known = ", ".join(sorted(self.trajectory_arrays))
             raise DatasetError(f"{self.path}/{self.name}: holds no array '{name}' of trajectories; it has: {known}")
         if name not in self._values:
-            self._values[name] = self._read(name, ...)
+            values = self._read(name, ...)
+            if values.size and _is_empty(name, values):
+                raise self._missing(name)
+            self._values[name] = values
         return self._values[name]
 
     def references(self) -> list[TrajectoryReference]:
@@ -168,22 +198,78 @@ class Motion:
             arrays: Names of row arrays; by default all.
 
         Raises:
-            DatasetError: there is no such array, or one cannot be read.
+            DatasetError: there is no such array, one cannot be read, or data are missing.
         """
+        if arrays is None:
+            self._check_complete()
         names = [self.spec(name).name for name in (self.row_arrays if arrays is None else arrays)]
         for block in _blocks(references):
             first, last = block[0].index, block[-1].index
-            rows = {name: self._read(name, slice(first, last + 1)) for name in names}
+            rows = {name: self._read_rows(name, slice(first, last + 1)) for name in names}
             for reference in block:
                 place, length = reference.index - first, reference.length
                 cut = {name: values[place, :length] for name, values in rows.items()}
                 yield Trajectory(self.name, reference.index, length, reference.values, cut)
 
+    def load(self, references: Sequence[TrajectoryReference]) -> MotionData:
+        """Read all arrays of some trajectories into memory.
+
+        Args:
+            references: Which, in the order of their indices. ``Dataset.load`` chooses those that no review rejected.
+
+        Raises:
+            DatasetError: an array cannot be read, or data are missing.
+        """
+        self._check_complete()
+        indices = np.array([one.index for one in references], dtype=np.int64)
+        draws: dict[str, NDArray] = {}
+        groups: dict[str, dict[str, NDArray]] = {group: {} for group in SUB_GROUPS}
+        for name in self.trajectory_arrays:
+            group, _, member = name.rpartition("/")
+            (groups.setdefault(group, {}) if group else draws)[member] = self.values(name)[indices]
+        rows = {name: self._read_rows(name, slice(None))[indices] for name in self.row_arrays}
+        return MotionData(self.name, self.attributes, self.time, Trajectories(rows, draws, groups), indices)
+
+    def _read_rows(self, name: str, part: slice) -> NDArray:
+        """Read a row array of some trajectories, whose valid rows must be there."""
+        values, lengths = self._read(name, part), self.lengths[part]
+        if values.dtype.kind != "f" or not values.size:
+            return values
+        flat = values.reshape(*values.shape[:2], -1)
+        is_valid = np.arange(values.shape[1]) < lengths[:, None]
+        # The fill value of what is missing is NaN. Whole rows are looked at only where their first number is NaN.
+        suspect = is_valid & np.isnan(flat[:, :, 0])
+        if suspect.any() and np.isnan(flat[suspect]).all(axis=-1).any():
+            raise self._missing(name)
+        return values
+
+    def _check_complete(self) -> None:
+        """Check that every array of the schema is there."""
+        groups = [f"{group}/{array.name}" for group, arrays in SUB_GROUPS.items() for array in arrays]
+        for name in (*(array.name for array in (*ROW_ARRAYS, *TRAJECTORY_ARRAYS)), *groups):
+            if name not in self.arrays:
+                raise self._missing(name)
+
+    def _missing(self, name: str) -> DatasetError:
+        return DatasetError(
+            f"{self.path}/{self.name}/{name}: data are missing; see 'kine2go check', and gather the motion again"
+        )
+
     def _read(self, name: str, what: Any) -> NDArray:
+        # The store's index names arrays whose folders have gone, and Zarr reads those as the fill value.
+        if not (self.path / self.name / name / "zarr.json").is_file():
+            raise self._missing(name)
         try:
             return np.asarray(self._group[name][what])  # pyright: ignore[reportArgumentType, reportIndexIssue]
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
             raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({error.__class__.__name__})") from None
+
+
+def _is_empty(name: str, values: NDArray) -> bool:
+    """Return whether an array that has no rows holds nothing but the fill value, as one does that lacks its data."""
+    if values.dtype.kind in "UT":
+        return bool((values == "").any())
+    return bool(np.isnan(values).all()) if values.dtype.kind == "f" else name == "length" and not values.any()
 
 
 def _specs(group: zarr.Group) -> Iterator[ArraySpec]:

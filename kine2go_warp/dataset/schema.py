@@ -1,14 +1,14 @@
 """What a dataset holds: every array with its dimensions, unit and meaning."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from kine2go_warp.metrics import METRICS
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS, Quantity
 from kine2go_warp.robots import RobotSpec
 
-FORMAT_VERSION = "0.2"
-
-# Names and maxima of kernels.rewards, said again so that readers of a dataset need no Warp.
-REWARD_TERMS = ("joint_position", "joint_velocity", "foot_position", "root_pose", "root_velocity")
-MAXIMUM_REWARDS = (1.0, 1.0, 1.0, 2.0, 2.0)
+FORMAT_VERSION = "0.3"
 
 FRAMES_NOTE = (
     "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "
@@ -27,6 +27,12 @@ class ArraySpec:
     unit: str
     description: str
     dtype: str = "float32"
+
+
+def per_trajectory(quantity: Quantity) -> ArraySpec:
+    """Return the array of a quantity that has one value for each trajectory."""
+    dims = ("trajectory", *quantity.dims)
+    return ArraySpec(quantity.name, dims, quantity.unit, quantity.meaning, quantity.dtype)
 
 
 _FRAME = ("trajectory", "frame")
@@ -54,7 +60,7 @@ ROW_ARRAYS = (
     ArraySpec("reference_root_orientation", (*_FRAME, "quaternion"), "1", "reference at the row's instant, wxyz"),
     ArraySpec("reference_joint_position", (*_FRAME, "joint"), "rad", "reference at the row's instant"),
     ArraySpec("reference_foot_position", (*_FRAME, "foot", "axis"), "m", "reference at the row's instant, world"),
-    ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms of the tracking reward"),
+    ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms, which add up to the reward"),
 )
 """Arrays with one entry a row, padded with NaN where a trajectory is shorter."""
 
@@ -67,36 +73,19 @@ TRAJECTORY_ARRAYS = (
 )
 """How each rollout was drawn."""
 
+_QUALITY = (
+    "joint_rmse", "root_error", "root_angle", "foot_error", "largest_root_error", "largest_root_angle", "leg_contact",
+    "joint_limit", "torque_saturation", "action_saturation", "foot_slip", "joint_jerk", "joint_speed",
+    "leg_overlap",
+)  # fmt: skip
+
 QUALITY_ARRAYS = (
-    ArraySpec("joint_rmse", ("trajectory",), "rad", "root mean square joint position error"),
-    ArraySpec("root_error", ("trajectory",), "m", "mean distance of the root from its reference"),
-    ArraySpec("root_angle", ("trajectory",), "rad", "mean angle of the root from its reference"),
-    ArraySpec("foot_error", ("trajectory",), "m", "mean distance of the feet from their references"),
-    ArraySpec("largest_root_error", ("trajectory",), "m", "largest distance of the root from its reference"),
-    ArraySpec("largest_root_angle", ("trajectory",), "rad", "largest angle of the root from its reference"),
-    ArraySpec("leg_contact", ("trajectory",), "1", "share of rows in which a thigh or calf touches the ground"),
-    ArraySpec("joint_limit", ("trajectory",), "1", "share of joint positions close to a limit of the joint"),
-    ArraySpec("torque_saturation", ("trajectory",), "1", "share of joint torques at the motor's limit"),
-    ArraySpec("action_saturation", ("trajectory",), "1", "share of joint targets beyond the limits of the joint"),
-    ArraySpec("foot_slip", ("trajectory",), "m/s", "mean horizontal speed of feet that bear weight"),
-    ArraySpec("joint_jerk", ("trajectory",), "rad/s^3", "mean size of the joints' jerk"),
-    ArraySpec("joint_speed", ("trajectory",), "1", "largest joint speed as a share of the motor's largest"),
-    ArraySpec("leg_overlap", ("trajectory",), "m", "greatest depth of a leg in another one, the trunk or the head"),
+    *(ArraySpec(name, ("trajectory",), METRICS[name].unit, METRICS[name].description) for name in _QUALITY),
     ArraySpec("limit_share", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
 )
 """How good each rollout is, computed from its rows."""
 
-RANDOMIZATION_ARRAYS = (
-    ArraySpec("base_mass", ("trajectory",), "kg", "mass added to the base"),
-    ArraySpec("base_com", ("trajectory", "axis"), "m", "shift of the base's centre of mass, base frame"),
-    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
-    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
-    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
-    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
-    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
-    ArraySpec("joint_friction", ("trajectory", "joint"), "N m", "Coulomb friction of the joints"),
-    ArraySpec("latency", ("trajectory",), "s", "time from an action to its effect at the motors"),
-)
+RANDOMIZATION_ARRAYS = tuple(per_trajectory(parameter) for parameter in RANDOMIZED_PARAMETERS)
 """What holds for each rollout, whether it was drawn or not."""
 
 INITIAL_STATE_ARRAYS = (
@@ -110,15 +99,7 @@ INITIAL_STATE_ARRAYS = (
     ArraySpec("warm_start", ("trajectory", "velocity"), "m/s^2, rad/s^2", "the solver's last accelerations"),
     ArraySpec("target_queue", ("trajectory", "slot", "joint"), "rad", "joint targets on their way to the motors"),
     ArraySpec("reference_step", ("trajectory",), "1", "control steps since the rollout began", "int32"),
-    ArraySpec("delay", ("trajectory",), "1", "latency in physics substeps", "int32"),
-    ArraySpec("base_mass", ("trajectory",), "kg", "mass of the base"),
-    ArraySpec("base_com", ("trajectory", "axis"), "m", "centre of mass of the base, base frame"),
-    ArraySpec("friction", ("trajectory",), "1", "coefficient of friction between robot and ground"),
-    ArraySpec("stiffness", ("trajectory", "joint"), "N m/rad", "stiffness of the motors"),
-    ArraySpec("damping", ("trajectory", "joint"), "N m s/rad", "damping of the motors"),
-    ArraySpec("strength", ("trajectory", "joint"), "1", "factor on the torque of the motors"),
-    ArraySpec("motor_offset", ("trajectory", "joint"), "rad", "error of the motors' zero angle"),
-    ArraySpec("joint_friction", ("trajectory", "joint"), "N m", "Coulomb friction of the joints"),
+    *(per_trajectory(parameter.state) for parameter in RANDOMIZED_PARAMETERS),
     ArraySpec("friction_anchor", ("trajectory", "joint"), "rad", "where the spring of a joint's friction is slack"),
 )
 """Everything that simulator and motors need to go on from the first kept row."""
@@ -138,7 +119,47 @@ REASON = ArraySpec(
 )
 
 
-def coordinates(spec: RobotSpec) -> dict[str, tuple[str, ...]]:
+@dataclass(frozen=True)
+class RewardSettings:
+    """A reward term as the settings of a motion's training describe it."""
+
+    name: str
+    kernel: str
+    weight: float
+    """Before the division by the control rate."""
+    maximum: float | None
+    """Largest value before the weight, where it is known."""
+    params: Mapping[str, float]
+
+
+def reward_settings(attributes: Mapping[str, Any]) -> tuple[RewardSettings, ...]:
+    """Return the reward terms that a motion's attributes describe, in the order of the array ``reward``.
+
+    None are returned where the attributes are incomplete or damaged.
+    """
+    try:
+        described = [
+            RewardSettings(
+                name,
+                str(term["kernel"]),
+                float(term["weight"]),
+                None if term["maximum"] is None else float(term["maximum"]),
+                {param: float(value) for param, value in dict(term["params"]).items()},
+            )
+            for name, term in attributes["training_settings"]["env"]["rewards"].items()
+        ]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return ()
+    return tuple(term for term in described if term.weight != 0.0)
+
+
+def reward_labels(attributes: Mapping[str, Any], count: int) -> tuple[str, ...]:
+    """Return the names of a motion's reward terms, numbered ones where its attributes do not name as many."""
+    names = tuple(term.name for term in reward_settings(attributes))
+    return names if len(names) == count else tuple(f"term_{index}" for index in range(count))
+
+
+def coordinates(spec: RobotSpec, reward_terms: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the labels along each labelled dimension."""
     return {
         "axis": ("x", "y", "z"),
@@ -146,5 +167,5 @@ def coordinates(spec: RobotSpec) -> dict[str, tuple[str, ...]]:
         "joint": spec.joint_names,
         "link": spec.link_names,
         "foot": tuple(name.removesuffix("_foot") for name in spec.foot_links),
-        "term": REWARD_TERMS,
+        "term": tuple(reward_terms),
     }

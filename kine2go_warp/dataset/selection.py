@@ -1,24 +1,10 @@
-"""Which trajectories of a dataset are used, and how they are split."""
+"""Which trajectories of a dataset reviews rejected, and how trajectories are split."""
 
 import hashlib
 from collections.abc import Iterable
 
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.verdicts import REJECTED, standing_verdicts
-
-
-def used_trajectories(motion: Motion) -> list[TrajectoryReference]:
-    """Return the trajectories of a motion that loaders and exports may use.
-
-    Every loader, export and score asks here, so this is the one place that decides: all stored trajectories with at
-    least one valid row that nobody rejected in a review. Rollouts that gathering rejected lie in a sub-group of their
-    own and are never among them.
-
-    Raises:
-        DatasetError: the file of verdicts cannot be read.
-    """
-    left_out = rejected_trajectories(motion)
-    return [one for one in motion.references() if one.length > 0 and one.index not in left_out]
 
 
 def rejected_trajectories(motion: Motion) -> frozenset[int]:

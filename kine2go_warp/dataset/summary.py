@@ -1,17 +1,16 @@
 """A table of what a dataset holds, computed from the data written."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.quality import tracking_quality
-from kine2go_warp.dataset.reader import motion_names, read_motion
-from kine2go_warp.dataset.selection import rejected_trajectories
+from kine2go_warp.dataset.access import Dataset, open_dataset
+from kine2go_warp.metrics import tracking_quality
 
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """One motion of a dataset in figures, means over all its trajectories."""
+    """One motion of a dataset in figures, means over the trajectories that no review rejected; NaN if none is left."""
 
     motion: str
     accepted: int
@@ -35,31 +34,20 @@ class MotionSummary:
 
 def summarise(path: Path) -> list[MotionSummary]:
     """Return a summary of every motion in a dataset."""
-    return [summarise_motion(path, motion) for motion in motion_names(path)]
+    dataset = open_dataset(path)
+    return [summarise_motion(dataset, motion) for motion in dataset.motions]
 
 
-def summarise_motion(path: Path, motion: str) -> MotionSummary:
+def summarise_motion(dataset: Dataset, motion: str) -> MotionSummary:
     """Return a summary of one motion."""
-    data = read_motion(path, motion)
-    quality = tracking_quality(data.trajectories.rows)
-    lengths = data.trajectories.draws["length"]
-    frame_duration = float(data.time[1] - data.time[0])
+    data, stored = dataset.load(motion), len(dataset.motion(motion).lengths)
+    durations = data.trajectories.draws["length"] * data.frame_duration
+    measured = {"shortest": durations.min, "longest": durations.max}
+    measured |= {name: values.mean for name, values in tracking_quality(data.trajectories.rows).items()}
     return MotionSummary(
         motion=motion,
-        accepted=len(lengths),
-        total=len(lengths) + sum(data.attributes["rejected"].values()),
-        rejected_in_review=len(rejected_trajectories(Motion(path, motion))),
-        shortest=float(lengths.min()) * frame_duration,
-        longest=float(lengths.max()) * frame_duration,
-        joint_rmse=float(quality["joint_rmse"].mean()),
-        root_error=float(quality["root_error"].mean()),
-        root_angle=float(quality["root_angle"].mean()),
-        foot_error=float(quality["foot_error"].mean()),
+        accepted=stored,
+        total=stored + sum(data.attributes["rejected"].values()),
+        rejected_in_review=len(dataset.left_out(motion)),
+        **{name: float(compute()) if len(durations) else math.nan for name, compute in measured.items()},
     )
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things in words, such as ``1 trajectory`` or ``2 trajectories``."""
-    ending = {"y": "ies", "h": "hes"}.get(noun[-1], f"{noun[-1]}s")
-    plural = noun[:-1] + ending
-    return f"{count:,} {noun if count == 1 else plural}"

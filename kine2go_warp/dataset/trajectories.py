@@ -82,13 +82,3 @@ def padded(values: NDArray, lengths: NDArray) -> NDArray[np.float32]:
     values = values.astype(np.float32)
     values[np.arange(values.shape[1]) >= np.asarray(lengths)[:, None]] = np.nan
     return values
-
-
-def continuous_quaternions(wxyz: NDArray) -> NDArray:
-    """Flip signs so that neighbours in time never point in opposite directions, shape [num_trajectories, num_rows, 4].
-
-    The first quaternion of each trajectory gets a non-negative real part.
-    """
-    signs = np.where(np.sum(wxyz[:, 1:] * wxyz[:, :-1], axis=-1) < 0.0, -1.0, 1.0)
-    first = np.where(wxyz[:, :1, 0] < 0.0, -1.0, 1.0)
-    return wxyz * np.cumprod(np.concatenate([first, signs], axis=1), axis=1)[..., None].astype(wxyz.dtype)

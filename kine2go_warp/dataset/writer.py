@@ -26,8 +26,10 @@ from kine2go_warp.dataset.schema import (
     TRAJECTORY_ARRAYS,
     ArraySpec,
     coordinates,
+    reward_labels,
 )
 from kine2go_warp.dataset.staging import StagingArea
+from kine2go_warp.dataset.store import check_version, motion_folders
 from kine2go_warp.dataset.trajectories import Rollouts, padded
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import flush_folder, link_or_copy, same_bytes
@@ -81,7 +83,7 @@ class DatasetWriter:
 
     def motions(self) -> list[str]:
         """Return the names of the motions in the store."""
-        return sorted(folder.parent.name for folder in self.path.glob("*/zarr.json"))
+        return motion_folders(self.path)
 
     def attributes(self, motion: str) -> dict[str, Any]:
         """Return the attributes of a motion, empty if it is not there or damaged."""
@@ -216,7 +218,8 @@ class DatasetWriter:
         """Write one motion as a group of its own."""
         group = zarr.open_group(folder, mode="w", zarr_format=3)
         group.attrs.update({**attributes, "coordinates": "time"})
-        for name, labels in coordinates(self.spec).items():
+        terms = reward_labels(attributes, trajectories.read_rows("reward", 0, 1).shape[-1])
+        for name, labels in coordinates(self.spec, terms).items():
             write_labels(group, name, labels)
         time = np.arange(trajectories.num_rows) * frame_duration
         write_array(group, ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"), time)
@@ -339,22 +342,3 @@ def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
         "action_scale": spec.action_scale,
         "sdk_motor_order": list(spec.sdk_motor_order),
     }
-
-
-def check_version(path: Path) -> None:
-    """Check that a store is one of ours.
-
-    Raises:
-        DatasetError: it is not, or its format version is another.
-    """
-    try:
-        attributes = dict(zarr.open_group(path, mode="r").attrs)
-    except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
-        raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
-    if attributes.get("format") != "kine2go":
-        raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
-    if attributes.get("format_version") != FORMAT_VERSION:
-        raise DatasetError(
-            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
-            f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
-        )

@@ -78,24 +78,24 @@ class PolicyController:
         """Begin an episode; see ``PlacedClip.place``."""
         self.reference.place(phase, ground, turn)
         self.observer.begin()
-        self.last_output = np.zeros(len(self.metadata.joint_names), np.float32)
+        self.last_action = np.zeros(len(self.metadata.joint_names), np.float32)
         self.step = 0
 
     def act(self, state: MeasuredState) -> NDArray[np.float64]:
         """Return the joint targets that follow from what is measured now [rad], shape [12]."""
-        observation = self.observer.observe(state, self.last_output, self.step)
-        self.last_output = self.policy.infer(observation[None])[0]
-        target = self.joint_target(self.last_output)
+        observation = self.observer.observe(state, self.last_action, self.step)
+        self.last_action = self.policy.infer(observation[None])[0]
+        target = self.joint_target(self.last_action)
         self.step += 1
         return target
 
     def joint_target(self, output: NDArray) -> NDArray[np.float64]:
         """Return the joint targets of an output of the present step [rad], shape [12]."""
         action = self.metadata.action
-        if action.form == "joint_target":
+        if action.mode == "absolute":
             return np.asarray(output, np.float64)
         offset = action.scale * np.clip(np.asarray(output, np.float64), -action.clip, action.clip)
-        if action.form == "default_pose":
+        if action.mode == "default_offset":
             return np.array(self.metadata.default_joint_position) + offset
         coming = self.step + action.reference_lead
         feedforward = action.velocity_gain * self.reference.joint_velocity(coming)

@@ -245,16 +245,16 @@ def describe(
 def action_rule(config: EnvConfig) -> ActionRule:
     """Return how the environment turns outputs into joint targets."""
     # The reference alone is the reference with its velocity counting nothing.
-    form = "reference" if config.action.form == "reference_pose" else config.action.form
+    mode = "residual_ff" if config.action.mode == "residual" else config.action.mode
     lag = config.motor.damping / config.motor.stiffness
     return ActionRule(
-        form=form,
+        mode=mode,
         scale=config.action.scale,
         clip=config.action.clip,
         reference_lead=1.0 + config.delay_substeps / config.substeps,
-        velocity_gain=lag if config.action.form == "reference" else 0.0,
-        needs_reference=form == "reference",
-        meaning=ACTION_MEANINGS[form],
+        velocity_gain=lag if config.action.mode == "residual_ff" else 0.0,
+        needs_reference=mode == "residual_ff",
+        meaning=ACTION_MEANINGS[mode],
     )
 
 

@@ -9,7 +9,7 @@ from kine2go_warp.errors import PolicyError
 from kine2go_warp.robots import MotorLimits
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 METADATA_KEY = "kine2go_policy"
 """Under this key the metadata lie in the ONNX model, as JSON text."""
@@ -20,16 +20,16 @@ METADATA_FILE = "metadata.json"
 INPUT_NAME, OUTPUT_NAME = "observation", "output"
 
 ACTION_MEANINGS = {
-    "default_pose": "joint target = default_joint_position + scale * clipped output",
-    "reference": "joint target = reference joint position + velocity_gain * reference joint velocity + scale * clipped "
-    "output, the reference being that of reference_lead control steps from now: the clip is needed at run time",
-    "joint_target": "joint target = output, in radians, not clipped",
+    "default_offset": "joint target = default_joint_position + scale * clipped output",
+    "residual_ff": "joint target = reference joint position + velocity_gain * reference joint velocity + scale * "
+    "clipped output, the reference being that of reference_lead control steps from now: the clip is needed at run time",
+    "absolute": "joint target = output, in radians, not clipped",
 }
-"""How each form of action becomes a joint target [rad]."""
+"""How each mode of action becomes a joint target [rad]."""
 
 HISTORY_RULE = (
     "NAME[t-k] is what NAME[t] was k control steps ago; at the beginning of an episode all ages hold the first state, "
-    "and last_output is zero. NAME[t+k] is the reference k control steps from now. last_output is the network's own "
+    "and last_action is zero. NAME[t+k] is the reference k control steps from now. last_action is the network's own "
     "output, before scale and clip."
 )
 TORQUE_RULE = (
@@ -54,15 +54,15 @@ class ObservationRow:
 class ActionRule:
     """How an output becomes joint targets."""
 
-    form: Literal["default_pose", "reference", "joint_target"]
+    mode: Literal["default_offset", "residual_ff", "absolute"]
     scale: float
     """Radians for an output of 1."""
     clip: float
     """Outputs are clipped to this magnitude."""
     reference_lead: float
-    """Form ``reference``: how far ahead the reference is taken [control steps]."""
+    """Mode ``residual_ff``: how far ahead the reference is taken [control steps]."""
     velocity_gain: float
-    """Form ``reference``: factor on the reference joint velocity [s]."""
+    """Mode ``residual_ff``: factor on the reference joint velocity [s]."""
     needs_reference: bool
     """Whether joint targets cannot be formed without the clip."""
     meaning: str

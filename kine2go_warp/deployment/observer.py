@@ -59,38 +59,38 @@ class ObservationBuilder:
         """Forget the states of an earlier episode."""
         self._history = []
 
-    def observe(self, state: MeasuredState, last_output: NDArray, step: int) -> NDArray[np.float32]:
+    def observe(self, state: MeasuredState, last_action: NDArray, step: int) -> NDArray[np.float32]:
         """Return the observation, shape [size]. Call it once in every control step.
 
         Args:
             state: What is measured now.
-            last_output: Output of the network in the step before, zero at the beginning.
+            last_action: The network's action of the step before, zero at the beginning.
             step: Control steps since the episode began.
         """
-        now = own_state(state, np.asarray(last_output, np.float64), self.default)
+        now = own_state(state, np.asarray(last_action, np.float64), self.default)
         kept = self._history or [now] * self._length
         self._history = [now, *kept][: self._length]
-        targets = {ahead: self._target(state, step + ahead) for ahead in self._ahead}
+        references = {ahead: self._reference_at(state, step + ahead) for ahead in self._ahead}
         observation = np.empty(self.size, np.float32)
         for place, name, offset in self._rows:
-            source = targets[offset] if offset > 0 else self._history[-offset]
+            source = references[offset] if offset > 0 else self._history[-offset]
             observation[place] = source[name]
         return observation
 
-    def _target(self, state: MeasuredState, step: int) -> Quantities:
+    def _reference_at(self, state: MeasuredState, step: int) -> Quantities:
         """Return the reference at a control step as the robot sees it from where it is now."""
         root = self.reference.root(step)
         to_heading = about_z(-heading(matrix_of(state.root_orientation)))
         axes = to_heading @ root.rotation
         return {
-            "target_position_h": to_heading @ (root.position - state.root_position),
-            "target_forward_h": axes[:, 0],
-            "target_left_h": axes[:, 1],
-            "target_joint_position": self.reference.joint_position(step) - self.default,
+            "reference_position_h": to_heading @ (root.position - state.root_position),
+            "reference_forward_h": axes[:, 0],
+            "reference_left_h": axes[:, 1],
+            "reference_joint_position": self.reference.joint_position(step) - self.default,
         }
 
 
-def own_state(state: MeasuredState, last_output: Array, default: Array) -> Quantities:
+def own_state(state: MeasuredState, last_action: Array, default: Array) -> Quantities:
     """Return what the robot knows of itself."""
     to_base = matrix_of(state.root_orientation).T
     return {
@@ -99,7 +99,7 @@ def own_state(state: MeasuredState, last_output: Array, default: Array) -> Quant
         "angular_velocity_b": to_base @ state.root_angular_velocity,
         "joint_position": state.joint_position - default,
         "joint_velocity": state.joint_velocity,
-        "last_output": last_output,
+        "last_action": last_action,
     }
 
 
@@ -109,11 +109,11 @@ KNOWN = {
     "angular_velocity_b": 3,
     "joint_position": 12,
     "joint_velocity": 12,
-    "last_output": 12,
-    "target_position_h": 3,
-    "target_forward_h": 3,
-    "target_left_h": 3,
-    "target_joint_position": 12,
+    "last_action": 12,
+    "reference_position_h": 3,
+    "reference_forward_h": 3,
+    "reference_left_h": 3,
+    "reference_joint_position": 12,
 }
 """Quantities that are known here, and their sizes."""
 
@@ -126,7 +126,7 @@ def parsed(row: ObservationRow) -> tuple[str, int]:
     """
     match = ROW_NAME.fullmatch(row.name)
     name, offset = (match[1], int(match[2] or 0)) if match else (row.name, 0)
-    is_target = name.startswith("target_")
-    if not match or KNOWN.get(name) != row.stop - row.start or is_target != (offset > 0):
+    is_reference = name.startswith("reference_")
+    if not match or KNOWN.get(name) != row.stop - row.start or is_reference != (offset > 0):
         raise PolicyError(f"the observation has a row '{row.name}' of {row.stop - row.start} values, unknown here")
     return name, offset

@@ -6,7 +6,7 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.model import host_copy
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.kernels import randomization
-from kine2go_warp.kernels.randomization import BaseBody
+from kine2go_warp.kernels.world import BaseBody
 
 
 class Bodies:

@@ -7,6 +7,14 @@ begins at its reference here.
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from kine2go_warp.env.terms.base import check_names
+from kine2go_warp.env.terms.observations import (
+    OBSERVATIONS,
+    PRIVILEGED_OBSERVATIONS,
+    REFERENCE_OBSERVATIONS,
+    ObservationTerm,
+)
+from kine2go_warp.env.terms.rewards import REWARDS, RewardTerm
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import MotorLimits, RobotSpec
 from kine2go_warp.settings import check_ranges
@@ -19,16 +27,16 @@ INFINITE = float("inf")
 
 @dataclass(frozen=True)
 class ActionConfig:
-    """How the policy's output becomes a joint target."""
+    """How the policy's action becomes a joint target."""
 
-    form: Literal["default_pose", "reference", "reference_pose", "joint_target"] = "default_pose"
-    """``default_pose``: default pose + scale * output (the paper). ``reference``: the coming reference with its
-    velocity fed forward + scale * output; ``reference_pose``: without the velocity. ``joint_target``: the output
-    itself, in radians. The recorded action means the same in all."""
+    mode: Literal["default_offset", "residual_ff", "residual", "absolute"] = "default_offset"
+    """``default_offset``: default pose + scale * action (the paper). ``residual_ff``: the coming reference with its
+    velocity fed forward + scale * action; ``residual``: without the velocity. ``absolute``: the action itself, in
+    radians. The recorded action means the same in all."""
     scale: float = 0.25
-    """Radians for an output of 1."""
+    """Radians for an action of 1."""
     clip: float = 100.0
-    """Outputs are clipped to this magnitude."""
+    """Actions are clipped to this magnitude."""
     latency: float = 0.02
     """Time from an action to its effect at the motors, rounded to physics substeps [s]."""
 
@@ -62,25 +70,6 @@ class MotorConfig:
 
 
 @dataclass(frozen=True)
-class RewardConfig:
-    """Weights of the tracking terms; each is divided by the control rate, which gives the paper's scales."""
-
-    joint_position: float = 0.5
-    joint_velocity: float = 0.05
-    foot_position: float = 0.2
-    root_pose: float = 0.15
-    root_velocity: float = 0.1
-    action_rate: float = 0.0
-    """Penalty on the squared change of the outputs from one step to the next, summed over joints; not a tracking term,
-    so it is part of the total alone."""
-
-    @property
-    def weights(self) -> tuple[float, ...]:
-        """Weights in the order of ``REWARD_TERMS``."""
-        return (self.joint_position, self.joint_velocity, self.foot_position, self.root_pose, self.root_velocity)
-
-
-@dataclass(frozen=True)
 class ResetConfig:
     """How the initial state is drawn: half widths of uniform perturbations about the reference."""
 
@@ -110,19 +99,19 @@ class TerminationConfig:
     """Root from its reference [m]."""
     max_angle: float = 1.5708
     """Root orientation from its reference [rad]."""
-    looseness: float = 1.0
+    initial_limit_scale: float = 1.0
     """Both limits when training begins, as multiples of the values above."""
-    tightening_time: float = 0.0
+    limit_anneal_time: float = 0.0
     """Simulated time of each world within which they fall to those values [s]."""
 
     def __post_init__(self) -> None:
         check_ranges(self, max_distance=(1e-9, INFINITE), max_angle=(1e-9, INFINITE))
-        check_ranges(self, looseness=(1, INFINITE), tightening_time=(0, INFINITE))
+        check_ranges(self, initial_limit_scale=(1, INFINITE), limit_anneal_time=(0, INFINITE))
 
     @property
-    def tightens(self) -> bool:
+    def anneals_limits(self) -> bool:
         """Whether the limits change at all."""
-        return self.looseness > 1.0
+        return self.initial_limit_scale > 1.0
 
 
 Range = tuple[float, ...]
@@ -280,7 +269,14 @@ class EnvConfig:
     """Future control steps whose reference is observed."""
     action: ActionConfig = field(default_factory=ActionConfig)
     motor: MotorConfig = field(default_factory=MotorConfig)
-    reward: RewardConfig = field(default_factory=RewardConfig)
+    rewards: tuple[RewardTerm, ...] = REWARDS
+    """Terms that add up to the reward."""
+    observations: tuple[ObservationTerm, ...] = OBSERVATIONS
+    """What the policy sees of the robot, at ``history_length`` control steps."""
+    reference_observations: tuple[ObservationTerm, ...] = REFERENCE_OBSERVATIONS
+    """What it sees of the reference, at each of ``steps_ahead``."""
+    privileged_observations: tuple[ObservationTerm, ...] = PRIVILEGED_OBSERVATIONS
+    """What only the critic sees, with ``privileged``."""
     reset: ResetConfig = field(default_factory=ResetConfig)
     termination: TerminationConfig = field(default_factory=TerminationConfig)
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
@@ -296,6 +292,34 @@ class EnvConfig:
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
             raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
+        if any(ahead < 1 for ahead in self.steps_ahead):
+            raise Kine2GoError(f"steps_ahead is {list(self.steps_ahead)}; each must be at least 1")
+        check_names(self.rewards, "reward")
+        check_names((*self.observations, *self.reference_observations), "observation")
+        check_names(self.privileged_observations, "privileged observation")
+        if not any(term.enabled for term in self.observations):
+            raise Kine2GoError("observations are all switched off; a policy must see something of the robot")
+
+    @property
+    def active_rewards(self) -> tuple[RewardTerm, ...]:
+        """The reward terms that count, in the order in which they are added up."""
+        return tuple(term for term in self.rewards if term.weight != 0.0)
+
+    @property
+    def reward_names(self) -> tuple[str, ...]:
+        """Names of the reward terms that count."""
+        return tuple(term.name for term in self.active_rewards)
+
+    @property
+    def largest_reward(self) -> float | None:
+        """Largest reward of a control step, None where the maximum of a term is not known."""
+        maxima = [0.0 if term.weight < 0.0 else term.maximum for term in self.active_rewards]
+        if any(maximum is None for maximum in maxima):
+            return None
+        weights = (term.weight for term in self.active_rewards)
+        return (
+            sum(weight * (maximum or 0.0) for weight, maximum in zip(weights, maxima, strict=True)) / self.control_rate
+        )
 
     def on(self, device: str) -> "EnvConfig":
         """Return the settings with the number of worlds chosen for a device, such as ``cpu``, where it is left open."""
@@ -319,9 +343,9 @@ class EnvConfig:
         return round(self.episode_time * self.control_rate)
 
     @property
-    def tightening_steps(self) -> int:
-        """Control steps within which the limits of failure tighten."""
-        return round(self.termination.tightening_time * self.control_rate)
+    def limit_anneal_steps(self) -> int:
+        """Control steps within which the limits of failure fall to their values."""
+        return round(self.termination.limit_anneal_time * self.control_rate)
 
     @property
     def max_contacts(self) -> int:

@@ -3,23 +3,29 @@
 import gc
 from collections.abc import Sequence
 
-import numpy as np
 import warp as wp
 
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.episodes import Episodes, EpisodeStarts
+from kine2go_warp.env.episodes import Episodes, EpisodeStart
 from kine2go_warp.env.model import SpecArrays
-from kine2go_warp.env.motors import NUM_JOINTS, Motors
-from kine2go_warp.env.observations import observation_size
+from kine2go_warp.env.motors import Motors
+from kine2go_warp.env.observations import (
+    observation_size,
+    place_privileged,
+    place_terms,
+    privileged_size,
+    state_size,
+)
 from kine2go_warp.env.randomization import Randomization
 from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
 from kine2go_warp.env.terrain import build_height_field, reach_of
-from kine2go_warp.kernels import observations, resets, rewards, terminations
-from kine2go_warp.kernels.observations import LAST_OUTPUT, PRIVILEGED_SIZE, STATE_SIZE
+from kine2go_warp.kernels import observations, resets, terminations
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.kernels.resets import ResetRanges
-from kine2go_warp.kernels.rewards import REWARD_TERMS
+from kine2go_warp.kernels.rewards import sum_rewards
+from kine2go_warp.kernels.state import NUM_JOINTS
+from kine2go_warp.kernels.world import WorldView
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2, RobotSpec
 
@@ -27,7 +33,7 @@ from kine2go_warp.robots import GO2, RobotSpec
 class ImitationEnvironment:
     """Tracks reference clips with a batch of robots (paper, section 3.2 and appendix).
 
-    All arrays live on one device and keep their addresses: write the policy's output to ``output``, call ``step``, and
+    All arrays live on one device and keep their addresses: write the policy's action to ``action``, call ``step``, and
     read the results. A world whose episode ends starts a new one within the same step; its observation is the first
     of the new episode.
     """
@@ -63,6 +69,7 @@ class ImitationEnvironment:
             self.randomization = Randomization(config, self.simulation, self.motors, self.episodes)
             self.robot = self.simulation.robot
             self._build_buffers()
+            self.views = {ahead: self._build_view(ahead) for ahead in (0, *config.steps_ahead)}
             self._graph: wp.Graph | None = None
             if use_graph:
                 self._capture()
@@ -79,14 +86,14 @@ class ImitationEnvironment:
         return NUM_JOINTS
 
     def step(self) -> None:
-        """Advance all worlds by one control step, with ``output`` as the policy's output."""
+        """Advance all worlds by one control step, with ``action`` as the policy's action."""
         with wp.ScopedDevice(self.device):
             if self._graph is not None:
                 wp.capture_launch(self._graph)
             else:
                 self._step()
 
-    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStarts | None = None) -> None:
+    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStart | None = None) -> None:
         """Make all worlds anew from a seed, and begin an episode in each.
 
         Args:
@@ -97,7 +104,7 @@ class ImitationEnvironment:
         with wp.ScopedDevice(self.device):
             self.episodes.restart(seed, first_world)
             self.randomization.draw_bodies()
-            self._begin_episodes(starts)
+            self._reset_worlds(starts)
             self._observe()
             self.episodes.done.zero_()
 
@@ -105,25 +112,48 @@ class ImitationEnvironment:
         """Allocate what the policy writes and reads."""
         config, num_worlds = self.config, self.num_worlds
         self.reference = make_reference_state(num_worlds, self.device)
-        self.output = wp.zeros((num_worlds, NUM_JOINTS), dtype=float)
-        weights = np.array(config.reward.weights) / config.control_rate
-        self.reward_weights = wp.array(weights, dtype=float)
-        self.reward_terms = wp.zeros((num_worlds, len(REWARD_TERMS)), dtype=float)
+        self.action = wp.zeros((num_worlds, NUM_JOINTS), dtype=float)
+        self.last_action = wp.zeros((num_worlds, NUM_JOINTS), dtype=float)
+        self.rewards = config.active_rewards
+        self.reward_weights = wp.array([term.weight / config.control_rate for term in self.rewards], dtype=float)
+        self.reward_terms = wp.zeros((num_worlds, len(self.rewards)), dtype=float)
         self.reward = wp.zeros(num_worlds, dtype=float)
-        self.steps_ahead = wp.array(config.steps_ahead, dtype=int)
         self.observation = wp.zeros((num_worlds, observation_size(config)), dtype=float)
-        privileged_size = int(PRIVILEGED_SIZE) if config.privileged else 0
-        self.privileged_observation = wp.zeros((num_worlds, privileged_size), dtype=float)
+        self.privileged_observation = wp.zeros((num_worlds, privileged_size(config)), dtype=float)
         self.reset_ranges = ResetRanges()
         for name, value in vars(config.reset).items():
             setattr(self.reset_ranges, name, value)
+
+    def _build_view(self, ahead: int) -> WorldView:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        """Return what terms read, which shares all arrays, for observations of a number of control steps from now."""
+        config, episodes, simulation = self.config, self.episodes, self.simulation
+        bodies = self.randomization.bodies
+        view = WorldView()
+        view.ahead = ahead
+        view.robot, view.reference, view.geometry = self.robot, self.reference, simulation.geometry
+        view.clips, view.placement, view.motors = episodes.clips, episodes.placement, self.motors.model
+        view.base, view.friction = bodies.base, bodies.friction
+        view.foot_force, view.overflow = simulation.foot_force, simulation.overflow
+        view.body_contact, view.leg_contact = simulation.body_contact, simulation.leg_contact
+        view.action, view.last_action = self.action, self.last_action
+        view.joint_target, view.torque = self.motors.joint_target, self.motors.torque
+        view.default_position = self.constants.default_position
+        view.reference_step, view.episode_length = episodes.reference_step, episodes.length
+        view.world_steps, view.done = episodes.world_steps, episodes.done
+        view.seed, view.episode = episodes.seed, episodes.episode
+        view.max_episode_length, view.overflow_mask = config.max_episode_length, OVERFLOW_MASK
+        view.initial_limit_scale = config.termination.initial_limit_scale
+        view.limit_anneal_steps = config.limit_anneal_steps
+        view.nominal_stiffness, view.nominal_damping = config.motor.stiffness, config.motor.damping
+        view.robot_weight, view.control_duration = simulation.robot_weight, config.control_duration
+        return view
 
     def _capture(self) -> None:
         """Capture the step as a graph.
 
         One step is run first, so that every module is loaded and every lazy allocation made.
         """
-        self._begin_episodes()
+        self._reset_worlds()
         self._step()
         # An old graph that is collected during a capture would corrupt the new one.
         gc.collect()
@@ -138,14 +168,14 @@ class ImitationEnvironment:
     def _step(self) -> None:
         """Launch one control step."""
         episodes = self.episodes
-        self.motors.set_targets(self.output, episodes.clips, episodes.placement, episodes.reference_step)
+        self.motors.set_targets(self.action, episodes.clips, episodes.placement, episodes.reference_step)
         self.randomization.push_robots()
         self.simulation.advance(self.motors, episodes.reference_step)
         self.simulation.collect_contacts()
         episodes.advance()
         self._evaluate()
         episodes.learn_from_failures()
-        self._begin_episodes()
+        self._reset_worlds()
         self._observe()
 
     def _evaluate(self) -> None:
@@ -156,24 +186,10 @@ class ImitationEnvironment:
             dim=self.num_worlds,
             inputs=[episodes.clips, episodes.placement, episodes.reference_step, self.reference],
         )
-        wp.launch(
-            rewards.tracking_rewards,
-            dim=self.num_worlds,
-            inputs=[
-                self.robot,
-                self.reference,
-                simulation.geometry,
-                self.reward_weights,
-                self.reward_terms,
-                self.reward,
-            ],
-        )
-        if self.config.reward.action_rate:
-            # The observation still holds the output of the step before.
-            last_output = self.observation[:, LAST_OUTPUT : LAST_OUTPUT + NUM_JOINTS]
-            weight = self.config.reward.action_rate / self.config.control_rate
-            inputs = [self.output, last_output, weight, self.reward]
-            wp.launch(rewards.penalise_changes, dim=self.num_worlds, inputs=inputs)
+        for column, term in enumerate(self.rewards):
+            term.launch(self.views[0], self.reward_terms, column)
+        inputs = [self.robot, self.reward_weights, self.reward_terms, self.reward]
+        wp.launch(sum_rewards, dim=self.num_worlds, inputs=inputs)
         wp.launch(
             terminations.terminate,
             dim=self.num_worlds,
@@ -187,9 +203,9 @@ class ImitationEnvironment:
                 self.config.max_episode_length,
                 limits.max_distance,
                 limits.max_angle,
-                episodes.age,
-                limits.looseness,
-                self.config.tightening_steps,
+                episodes.world_steps,
+                limits.initial_limit_scale,
+                self.config.limit_anneal_steps,
                 episodes.reason,
                 episodes.reason_count,
                 episodes.done,
@@ -197,14 +213,14 @@ class ImitationEnvironment:
             ],
         )
 
-    def _begin_episodes(self, starts: EpisodeStarts | None = None) -> None:
+    def _reset_worlds(self, starts: EpisodeStart | None = None) -> None:
         """Start a new episode in every world that is done."""
         episodes, simulation = self.episodes, self.simulation
-        episodes.begin()
+        episodes.reset()
         if starts is not None:
-            episodes.choose(starts)
-        self.randomization.begin()
-        drawn = [*episodes.drawn, episodes.clips, episodes.placement]
+            episodes.set_starts(starts)
+        self.randomization.reset()
+        drawn = [*episodes.reset_inputs, episodes.clips, episodes.placement]
         wp.launch(
             resets.reset_joints,
             dim=self.num_worlds,
@@ -231,53 +247,20 @@ class ImitationEnvironment:
                 simulation.warm_start,
             ],
         )
-        inputs = [episodes.done, self.output]
-        wp.launch(observations.clear_outputs, dim=(self.num_worlds, NUM_JOINTS), inputs=inputs)
+        inputs = [episodes.done, self.action, self.last_action]
+        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=inputs)
 
     def _observe(self) -> None:
         """Write the observation of the present state."""
-        episodes = self.episodes
-        history, shape = self.config.history_length, (self.num_worlds, int(STATE_SIZE))
-        default_position = self.constants.default_position
-        wp.launch(observations.shift_history, dim=shape, inputs=[self.observation, history])
-        wp.launch(
-            observations.observe_state,
-            dim=self.num_worlds,
-            inputs=[self.robot, self.output, default_position, self.observation],
-        )
-        wp.launch(observations.fill_history, dim=shape, inputs=[episodes.done, self.observation, history])
-        wp.launch(
-            observations.observe_targets,
-            dim=(self.num_worlds, len(self.config.steps_ahead)),
-            inputs=[
-                self.robot,
-                episodes.clips,
-                episodes.placement,
-                episodes.reference_step,
-                self.steps_ahead,
-                default_position,
-                history * int(STATE_SIZE),
-                self.observation,
-            ],
-        )
-        if self.config.privileged:
-            self._observe_privileged()
-
-    def _observe_privileged(self) -> None:
-        """Write what only the critic sees."""
-        wp.launch(
-            observations.observe_privileged,
-            dim=self.num_worlds,
-            inputs=[
-                self.robot,
-                self.episodes.placement,
-                self.simulation.foot_force,
-                self.motors.model,
-                self.randomization.bodies.base,
-                self.randomization.bodies.friction,
-                self.config.motor.stiffness,
-                self.config.motor.damping,
-                self.simulation.robot_weight,
-                self.privileged_observation,
-            ],
-        )
+        config, done = self.config, self.episodes.done
+        history, size = config.history_length, state_size(config)
+        shape = (self.num_worlds, size)
+        wp.launch(observations.shift_history, dim=shape, inputs=[self.observation, history, size])
+        for placed in place_terms(config):
+            # Older states have been moved to their places.
+            if placed.offset >= 0:
+                placed.term.launch(self.views[placed.offset], self.observation, placed.start)
+        wp.launch(observations.fill_history, dim=shape, inputs=[done, self.observation, history, size])
+        if config.privileged:
+            for placed in place_privileged(config):
+                placed.term.launch(self.views[0], self.privileged_observation, placed.start)

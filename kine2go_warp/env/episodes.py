@@ -17,7 +17,7 @@ from kine2go_warp.motions.clip import MotionClip
 
 
 @dataclass(frozen=True)
-class EpisodeStarts:
+class EpisodeStart:
     """Where the next episode of each world begins, instead of being drawn; every array has shape [num_worlds]."""
 
     clip: NDArray[np.int32]
@@ -45,8 +45,8 @@ class Episodes:
         self.episode = wp.zeros(self.num_worlds, dtype=int)
         self.reference_step = wp.zeros(self.num_worlds, dtype=int)
         self.length = wp.zeros(self.num_worlds, dtype=wp.int64)
-        self.age = wp.zeros(self.num_worlds, dtype=int)
-        """Control steps that a world has seen over all its episodes, counted only if limits tighten with them."""
+        self.world_steps = wp.zeros(self.num_worlds, dtype=int)
+        """Control steps of each world over all its episodes, counted only where limits are annealed."""
         self.done = wp.zeros(self.num_worlds, dtype=wp.int64)
         self.time_out = wp.zeros(self.num_worlds, dtype=wp.bool)
         self.reason = wp.zeros(self.num_worlds, dtype=int)
@@ -54,7 +54,7 @@ class Episodes:
         self.restart(config.seed)
 
     @property
-    def drawn(self) -> list[wp.array]:
+    def reset_inputs(self) -> list[wp.array]:
         """What every kernel needs that draws something for a new episode."""
         return [self.done, self.seed, self.episode]
 
@@ -62,7 +62,7 @@ class Episodes:
         """Forget everything that has happened, and end all episodes."""
         first_world = self.first_world if first_world is None else first_world
         self.seed.assign(world_seeds(seed, self.num_worlds, first_world))
-        counters = (self.episode, self.reference_step, self.length, self.age, self.reason_count)
+        counters = (self.episode, self.reference_step, self.length, self.world_steps, self.reason_count)
         for counter in (*counters, self.time_out, self.reason):
             counter.zero_()
         forget_failures(self.phase_table)
@@ -71,8 +71,8 @@ class Episodes:
     def advance(self) -> None:
         """Count one control step."""
         wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
-        if self.config.termination.tightens:
-            wp.launch(resets.grow_older, dim=self.num_worlds, inputs=[self.age])
+        if self.config.termination.anneals_limits:
+            wp.launch(resets.count_world_steps, dim=self.num_worlds, inputs=[self.world_steps])
 
     def learn_from_failures(self) -> None:
         """Update the weights of the places where episodes begin. Launched when it is known which worlds are done."""
@@ -88,13 +88,13 @@ class Episodes:
         wp.launch(phase_sampling.fade_counts, dim=table.cumulative.shape[0], inputs=[table, sampling.memory])
         wp.launch(phase_sampling.accumulate_probability, dim=1, inputs=[table, sampling.uniform_share])
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Draw clip, phase, heading and place of every world that is done."""
         wp.launch(
             resets.draw_episodes,
             dim=self.num_worlds,
             inputs=[
-                *self.drawn,
+                *self.reset_inputs,
                 self.clips,
                 self.placement,
                 self.phase_table,
@@ -104,8 +104,8 @@ class Episodes:
             ],
         )
 
-    def choose(self, starts: EpisodeStarts) -> None:
-        """Let the episodes that have just been drawn begin elsewhere in the clips."""
+    def set_starts(self, starts: EpisodeStart) -> None:
+        """Begin the episodes that have just been drawn elsewhere in the clips."""
         chosen = [wp.array(starts.clip, dtype=int), wp.array(starts.phase, dtype=float)]
         inputs = [self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
         wp.launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)

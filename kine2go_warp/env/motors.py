@@ -1,4 +1,4 @@
-"""The motors of all worlds: from the policy's output to joint torques."""
+"""The motors of all worlds: from the policy's action to joint torques."""
 
 import numpy as np
 import warp as wp
@@ -8,9 +8,8 @@ from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.kernels import actuation
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.reference import Placement, ReferenceClips
+from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.robots.spec import FRICTION_DAMPING, FRICTION_STIFFNESS
-
-NUM_JOINTS = 12
 
 
 class Motors:
@@ -38,32 +37,32 @@ class Motors:
 
     def set_targets(
         self,
-        output: wp.array,
+        action: wp.array,
         clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         reference_step: wp.array,
     ) -> None:
-        """Turn the policy's output into joint targets and queue them."""
-        action, shape = self.config.action, self.joint_target.shape
-        if action.form == "default_pose":
-            inputs = [output, self.constants.default_position, action.scale, action.clip, self.joint_target]
+        """Turn the policy's action into joint targets and queue them."""
+        settings, shape = self.config.action, self.joint_target.shape
+        if settings.mode == "default_offset":
+            inputs = [action, self.constants.default_position, settings.scale, settings.clip, self.joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
-        elif action.form in ("reference", "reference_pose"):
+        elif settings.mode in ("residual_ff", "residual"):
             lead = self.config.motor.damping / self.config.motor.stiffness
             inputs = [
-                output,
+                action,
                 clips,
                 placement,
                 reference_step,
                 1.0 + self.config.delay_substeps / self.config.substeps,
-                lead if action.form == "reference" else 0.0,
-                action.scale,
-                action.clip,
+                lead if settings.mode == "residual_ff" else 0.0,
+                settings.scale,
+                settings.clip,
                 self.joint_target,
             ]
             wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
-            wp.copy(self.joint_target, output)
+            wp.copy(self.joint_target, action)
         self.queue_targets(self.joint_target, reference_step)
 
     def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:

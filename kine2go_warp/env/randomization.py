@@ -1,7 +1,5 @@
 """Domain randomisation: what differs between the worlds besides where their robots begin."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
@@ -12,39 +10,29 @@ from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.kernels import randomization
 from kine2go_warp.kernels.randomization import BodyRanges, MotorRanges
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 
 NEVER = 2**31 - 1
 """A control step that no episode reaches."""
 
 
-@dataclass(frozen=True)
-class DrawnQuantity:
-    """One row of the table of what is drawn."""
-
-    name: str
-    """As in ``RandomizationConfig``."""
-    unit: str
-    per: str
-    """``world``, ``axis`` or ``joint``."""
-    when: str
-    description: str
-
-
-DRAWN_QUANTITIES = (
-    DrawnQuantity("base_mass", "kg", "world", "world", "mass added to the base"),
-    DrawnQuantity("base_com", "m", "axis", "world", "shift of the base's centre of mass, base frame"),
-    DrawnQuantity("friction", "1", "world", "episode", "coefficient of friction between robot and ground"),
-    DrawnQuantity("stiffness", "N m/rad", "joint", "episode", "stiffness of the motors"),
-    DrawnQuantity("damping", "N m s/rad", "joint", "episode", "damping of the motors"),
-    DrawnQuantity("strength", "1", "joint", "episode", "factor on the torque of the motors"),
-    DrawnQuantity("motor_offset", "rad", "joint", "episode", "error of the motors' zero angle"),
-    DrawnQuantity("joint_friction", "N m", "joint", "episode", "Coulomb friction of the joints"),
-    DrawnQuantity("latency", "s", "world", "episode", "time from an action to its effect at the motors"),
-)
-"""What is recorded of a world, drawn or not. Pushes are recorded where they happen."""
+def parameter_arrays(motors: Motors, bodies: Bodies) -> dict[str, wp.array]:
+    """Return the arrays of the simulation that hold ``RANDOMIZED_PARAMETERS``, by the names of their states."""
+    model, base = motors.model, bodies.base
+    return {
+        "base_mass": base.mass,
+        "base_com": base.com,
+        "friction": bodies.friction,
+        "stiffness": model.stiffness,
+        "damping": model.damping,
+        "strength": model.strength,
+        "motor_offset": model.offset,
+        "joint_friction": model.friction,
+        "delay": model.delay,
+    }
 
 
-MOTOR_QUANTITIES = ("stiffness", "damping", "strength", "motor_offset", "joint_friction", "latency")
+MOTOR_PARAMETERS = ("stiffness", "damping", "strength", "motor_offset", "joint_friction", "latency")
 """Those that are drawn together."""
 
 
@@ -84,11 +72,11 @@ class Randomization:
             wp.launch(randomization.draw_bodies, dim=self.config.num_worlds, inputs=inputs)
             self.bodies.apply_bodies()
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Draw what lasts for an episode, in every world that is done."""
         settings, motor, num_worlds = self.settings, self.config.motor, self.config.num_worlds
-        drawn = self.episodes.drawn
-        if any(getattr(settings, name) for name in MOTOR_QUANTITIES):
+        drawn = self.episodes.reset_inputs
+        if any(getattr(settings, name) for name in MOTOR_PARAMETERS):
             nominal = [motor.stiffness, motor.damping, self.motors.nominal_friction]
             inputs = [*drawn, self.motor_ranges, *nominal, self.motors.model]
             wp.launch(randomization.draw_motors, dim=num_worlds, inputs=inputs)
@@ -119,18 +107,12 @@ class Randomization:
                 ],
             )
 
-    def drawn(self) -> dict[str, np.ndarray]:
-        """Return what holds in each world now, by the names of ``DRAWN_QUANTITIES``, first axis worlds."""
-        motors, base = self.motors.model, self.bodies.base
-        nominal_com = np.array(base.nominal_com)
-        return {
-            "base_mass": np.asarray(base.mass.numpy() - base.nominal_mass, np.float32),
-            "base_com": np.asarray(base.com.numpy() - nominal_com, np.float32),
-            "friction": self.bodies.friction.numpy().copy(),
-            "stiffness": motors.stiffness.numpy().copy(),
-            "damping": motors.damping.numpy().copy(),
-            "strength": motors.strength.numpy().copy(),
-            "motor_offset": motors.offset.numpy().copy(),
-            "joint_friction": motors.friction.numpy().copy(),
-            "latency": np.asarray(motors.delay.numpy() * self.config.substep_duration, np.float32),
-        }
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Return what holds in each world now, by the names of ``RANDOMIZED_PARAMETERS``, first axis worlds."""
+        base = self.bodies.base
+        arrays = parameter_arrays(self.motors, self.bodies)
+        held = {one.name: arrays[one.state.name].numpy().copy() for one in RANDOMIZED_PARAMETERS}
+        held["base_mass"] = np.asarray(held["base_mass"] - base.nominal_mass, np.float32)
+        held["base_com"] = np.asarray(held["base_com"] - np.array(base.nominal_com), np.float32)
+        held["latency"] = np.asarray(held["latency"] * self.config.substep_duration, np.float32)
+        return held

@@ -9,6 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.randomization import parameter_arrays
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.files import atomic_file
 
@@ -22,17 +23,9 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "joint_qd": environment.robot.joint_qd,
         "warm_start": simulation.warm_start,
         "target_queue": motors.target_queue,
-        "last_output": environment.output,
-        "stiffness": motors.model.stiffness,
-        "damping": motors.model.damping,
-        "strength": motors.model.strength,
-        "motor_offset": motors.model.offset,
-        "joint_friction": motors.model.friction,
+        "last_action": environment.last_action,
+        **parameter_arrays(motors, randomization.bodies),
         "friction_anchor": motors.model.friction_anchor,
-        "delay": motors.model.delay,
-        "base_mass": randomization.bodies.base.mass,
-        "base_com": randomization.bodies.base.com,
-        "friction": randomization.bodies.friction,
         "next_push": randomization.next_push,
         "seed": episodes.seed,
         "episode": episodes.episode,
@@ -112,10 +105,12 @@ class WorldSnapshot:
 def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
     """Return what else training needs to go on, by name; the first axis of each is the world.
 
-    It is what policy and critic see, with its history, and the age that tightens the limits of failure, if it does.
+    It is what policy and critic see, with its history, and each world's steps where limits of failure are annealed.
     """
     arrays = {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
-    return arrays | ({"age": environment.episodes.age} if environment.config.termination.tightens else {})
+    return arrays | (
+        {"world_steps": environment.episodes.world_steps} if environment.config.termination.anneals_limits else {}
+    )
 
 
 def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:

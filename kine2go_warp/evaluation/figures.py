@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.evaluation.newton import Batch
 from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.metrics import joint_rmse, root_error
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.scores.plots import quantiles_by_phase
 from kine2go_warp.scores.registry import METRICS, Rollouts
@@ -23,7 +24,7 @@ FIGURES = (
     "torque_saturation",
     "power",
     "cost_of_transport",
-    "joint_limits",
+    "joint_limit",
 )
 """Names of the figures that are measured of every rollout, as in ``kine2go score``."""
 NEWTON_FIGURES = (*FIGURES, "foot_slip", "joint_jerk")
@@ -111,11 +112,9 @@ def measure(
             warnings.simplefilter("ignore")
             for name, values in parts.items():
                 values.append(METRICS_BY_NAME[name].compute(rollouts))
-        joint = rows["joint_position"].astype(np.float64) - rows["reference_joint_position"]
-        root = rows["root_position"].astype(np.float64) - rows["reference_root_position"]
         phases.append(rows["phase"])
-        joint_errors.append(np.sqrt(np.mean(joint**2, axis=-1)))
-        root_errors.append(np.linalg.norm(root, axis=-1))
+        joint_errors.append(joint_rmse(rows))
+        root_errors.append(root_error(rows))
     phase = np.concatenate(phases)
     return Result(
         clip=clip,

@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.episodes import EpisodeStarts
+from kine2go_warp.env.episodes import EpisodeStart
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
@@ -145,7 +145,7 @@ class NewtonRollouts:
         phase, heading = (
             np.tile(values, repeats) for values in (self.config.start_phases(), self.config.start_headings())
         )
-        starts = EpisodeStarts(np.full(len(phase), clip, np.int32), phase, heading)
+        starts = EpisodeStart(np.full(len(phase), clip, np.int32), phase, heading)
         environment.restart(self.config.seed, starts=starts)
         self.actor.generator.manual_seed(self.config.seed)
         robot = environment.robot

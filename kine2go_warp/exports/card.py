@@ -8,8 +8,8 @@ import numpy as np
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion
-from kine2go_warp.dataset.summary import counted
 from kine2go_warp.exports.fields import Field
+from kine2go_warp.tables import counted
 
 LICENCE_IDENTIFIERS = {
     "BSD-3-Clause": "bsd-3-clause",

@@ -15,12 +15,10 @@ import torch
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import FAULTS
-from kine2go_warp.env.motors import NUM_JOINTS
-from kine2go_warp.env.observations import observation_size
+from kine2go_warp.env.observations import observation_size, privileged_size
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import SimulationError
-from kine2go_warp.kernels.observations import PRIVILEGED_SIZE
-from kine2go_warp.kernels.rewards import REWARD_TERMS
+from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.learning.vec_env import BufferedVecEnv, ImitationVecEnv, StepBuffers
 from kine2go_warp.motions.clip import MotionClip
 
@@ -69,7 +67,7 @@ def work(task: WorkerTask) -> None:
         if task.states.poll():
             obey(task, env)
         else:
-            env.buffers.output.copy_(task.buffers.output)
+            env.buffers.action.copy_(task.buffers.action)
             env.buffers.episode_length.copy_(task.buffers.episode_length)
             env.advance()
         task.buffers.copy_results(env.buffers)
@@ -140,7 +138,7 @@ class ParallelVecEnv(BufferedVecEnv):
         """
         for task in self.tasks:
             task.go.release()
-        self.own.buffers.output.copy_(self._own_rows.output)
+        self.own.buffers.action.copy_(self._own_rows.action)
         self.own.buffers.episode_length.copy_(self._own_rows.episode_length)
         self.own.advance()
         self._own_rows.copy_results(self.own.buffers)
@@ -219,13 +217,13 @@ class ParallelVecEnv(BufferedVecEnv):
 
 def shared_buffers(config: EnvConfig) -> StepBuffers:
     """Allocate the buffers of all worlds in memory that processes share."""
-    count, privileged_size = config.num_worlds, int(PRIVILEGED_SIZE) if config.privileged else 0
+    count = config.num_worlds
     buffers = StepBuffers(
-        output=torch.zeros(count, NUM_JOINTS),
+        action=torch.zeros(count, NUM_JOINTS),
         observation=torch.zeros(count, observation_size(config)),
-        privileged=torch.zeros(count, privileged_size),
+        privileged=torch.zeros(count, privileged_size(config)),
         reward=torch.zeros(count),
-        reward_terms=torch.zeros(count, len(REWARD_TERMS)),
+        reward_terms=torch.zeros(count, len(config.reward_names)),
         done=torch.zeros(count, dtype=torch.int64),
         time_out=torch.zeros(count, dtype=torch.bool),
         episode_length=torch.zeros(count, dtype=torch.int64),

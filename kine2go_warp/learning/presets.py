@@ -160,7 +160,7 @@ FAST = Preset(
     env=EnvConfig(
         num_worlds=0,
         episode_time=10.0,
-        action=ActionConfig(form="reference"),
+        action=ActionConfig(mode="residual_ff"),
         motor=MotorConfig(stiffness=60.0, damping=2.0, friction=1.0),
         reset=GENTLE_START,
         termination=TerminationConfig(max_distance=0.4, max_angle=1.0),

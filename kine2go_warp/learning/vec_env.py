@@ -13,7 +13,6 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import StrictStepper, fault_counts
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
-from kine2go_warp.kernels.rewards import REWARD_TERMS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +33,7 @@ def share_stream(device: str) -> None:
 class StepBuffers:
     """What goes into a step and what comes out of it, the first axis being the world."""
 
-    output: torch.Tensor
+    action: torch.Tensor
     observation: torch.Tensor
     privileged: torch.Tensor
     reward: torch.Tensor
@@ -49,7 +48,7 @@ class StepBuffers:
         """Return tensors that share their memory with an environment's arrays."""
         episodes = environment.episodes
         arrays = (
-            environment.output,
+            environment.action,
             environment.observation,
             environment.privileged_observation,
             environment.reward,
@@ -66,7 +65,7 @@ class StepBuffers:
         return StepBuffers(*(getattr(self, field.name)[first : first + count] for field in fields(self)))
 
     def copy_results(self, source: "StepBuffers") -> None:
-        """Copy what comes out of a step, also the output, which is cleared where an episode begins."""
+        """Copy all of them."""
         for field in fields(self):
             getattr(self, field.name).copy_(getattr(source, field.name))
 
@@ -91,7 +90,7 @@ class BufferedVecEnv(VecEnv):
         raise NotImplementedError
 
     def advance(self) -> None:
-        """Step all worlds, from ``buffers.output`` to the other buffers."""
+        """Step all worlds, from ``buffers.action`` to the other buffers."""
         raise NotImplementedError
 
     def snapshot(self) -> EnvironmentSnapshot:
@@ -132,12 +131,12 @@ class BufferedVecEnv(VecEnv):
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Advance all worlds by one control step; see ``VecEnv.step``."""
         buffers = self.buffers
-        buffers.output.copy_(actions)
+        buffers.action.copy_(actions)
         self.advance()
         if self.on_step is not None:
             self.on_step()
         terms = buffers.reward_terms.mean(dim=0)
-        log = {f"Reward/{name}": terms[index] for index, name in enumerate(REWARD_TERMS)}
+        log = {f"Reward/{name}": terms[index] for index, name in enumerate(self.config.reward_names)}
         return self.get_observations(), buffers.reward, buffers.done, {"time_outs": buffers.time_out, "log": log}
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.kernels.reference import sample_reference
-from kine2go_warp.kernels.rewards import REWARD_TERMS
 from kine2go_warp.learning.runner import ProgressCallback, TrainingProgress
 from kine2go_warp.learning.vec_env import BufferedVecEnv
 
@@ -104,7 +103,7 @@ class Watcher:
         self._reference = make_reference_state(self.num_worlds, self.environment.device)
         self._views = self._packed_views()
         self._all_terms = env.buffers.reward_terms
-        self._terms, self._num_terms = torch.zeros(len(REWARD_TERMS), device=env.device), 0
+        self._terms, self._num_terms = torch.zeros(self._all_terms.shape[1], device=env.device), 0
         self._block: list[torch.Tensor] = []
         self._left, self._next_stretch = 0, -float("inf")
 
@@ -128,7 +127,9 @@ class Watcher:
         self._terms.zero_()
         self._num_terms = 0
         curves = {
-            **{f"reward/{name}": value for name, value in zip(REWARD_TERMS, terms, strict=True)},
+            **{
+                f"reward/{name}": value for name, value in zip(self.environment.config.reward_names, terms, strict=True)
+            },
             **{f"error/{name}": value for name, value in tracking_errors(self.environment).items()},
             "return/mean": progress.reward,
             "length/mean": progress.episode_length,

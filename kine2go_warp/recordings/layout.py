@@ -12,6 +12,7 @@ from kine2go_warp.dataset.motion import Trajectory
 from kine2go_warp.recordings.stream import TIMELINE
 from kine2go_warp.recordings.trajectory import entity_of
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.rotations import heading, turn_planar
 
 EYE = (-0.35, -1.75, 0.85)
 """Where the eye is, seen from the robot that it follows when that begins to move [m]."""
@@ -85,10 +86,7 @@ def trajectory_tab(one: Trajectory, doubt: Doubt, spec: RobotSpec) -> rrb.Horizo
 
 def turned(vector: Vector, orientation: NDArray) -> NDArray:
     """Turn a vector about the vertical by the heading of an orientation (w, x, y, z)."""
-    w, x, y, z = np.asarray(orientation, np.float64)
-    heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1], vector[2]])
+    return turn_planar(np.asarray(vector), heading(orientation))
 
 
 def scene(

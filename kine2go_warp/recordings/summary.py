@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import LIMITS, ROW_LIMITS, Doubt
+from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.dataset.summary import counted
+from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.tables import counted
 
 
 def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str) -> str:
@@ -22,7 +23,7 @@ def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str)
         "| filter | figure | limit | share |",
         "|---|--:|--:|--:|",
     ]
-    for limit, figure, bound, share in zip(LIMITS, doubt.figures, doubt.limits, doubt.shares, strict=True):
+    for limit, figure, bound, share in zip(FILTER_METRICS, doubt.figures, doubt.limits, doubt.shares, strict=True):
         if not math.isnan(figure):
             known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
             lines.append(f"| {limit.label} [{limit.unit}] | {figure:.4g} | {known[0]} | {known[1]} |")

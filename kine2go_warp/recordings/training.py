@@ -12,12 +12,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import curves, scene
 from kine2go_warp.recordings.live import Sink
 from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.shapes import Poses, poses_of
 from kine2go_warp.recordings.stream import ITERATION, TIMELINE, Colour, Columns
-from kine2go_warp.recordings.trajectory import CONTACT_FORCE, ERROR_COLOURS, TERM_COLOURS
+from kine2go_warp.recordings.trajectory import ERROR_COLOURS, TERM_COLOURS
 from kine2go_warp.robots import GO2, RobotSpec
 
 PACE = 1.0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt, row_errors
 from kine2go_warp.dataset.motion import Motion, Trajectory
+from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.pushes import log_pushes
 from kine2go_warp.recordings.robot import RobotDrawer, flat
 from kine2go_warp.recordings.shapes import Poses, reference_poses, robot_poses, skeletons
@@ -25,8 +26,6 @@ TARGET_COLOURS: tuple[Colour, ...] = ((30, 130, 60), (50, 165, 80), (90, 200, 11
 
 FORCE_SCALE = 0.002
 """Length of an arrow by its force [m/N]."""
-CONTACT_FORCE = 5.0
-"""A foot that bears more than this is drawn as standing [N]."""
 
 ERROR_COLOURS: tuple[Colour, ...] = ((98, 160, 234), (245, 178, 66), (239, 108, 98))
 LIMIT_COLOUR: Colour = (200, 60, 60)

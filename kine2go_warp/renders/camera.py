@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.rotations import heading
+
 Array = NDArray[np.float64]
 
 DISTANCE = 1.5
@@ -51,11 +53,10 @@ class FollowCamera:
             root_orientation: (w, x, y, z), shape [num_rows, 4].
             rate: Rows a second [Hz].
         """
-        w, x, y, z = np.asarray(root_orientation, np.float64).T
-        heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        yaw = np.unwrap(heading(root_orientation))
         targets = smoothed(np.asarray(root_position, np.float64), SMOOTHING * rate)
         targets[:, 2] -= 0.06  # the middle of the robot is lower than its base
-        return cls(targets, np.rad2deg(smoothed(heading[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)
+        return cls(targets, np.rad2deg(smoothed(yaw[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)
 
     def view(self, row: int) -> View:
         """Return the view of a row."""

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp import __version__
-from kine2go_warp.dataset import open_dataset
-from kine2go_warp.dataset.reader import MotionData, read_motion
+from kine2go_warp.dataset import Dataset, open_dataset
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.renders.process import RenderProcess
@@ -19,7 +18,8 @@ from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
 from kine2go_warp.revision import revision
 from kine2go_warp.robots import GO2
 from kine2go_warp.scores.plots import curves_of
-from kine2go_warp.scores.report import MotionFigures, chosen_motions, measure, robot_note, score
+from kine2go_warp.scores.report import MotionFigures, measure, review_note, robot_note, score, scored_motions
+from kine2go_warp.tables import number_text
 
 PAGE = Path(__file__).parent / "page"
 """Template, style and script."""
@@ -96,7 +96,8 @@ def write_report(
     """
     if path.suffix.lower() not in (".html", ".htm"):
         raise RenderError(f"{path}: a report ends in .html, not '{path.suffix}'")
-    names = chosen_motions(dataset, motions)
+    opened = open_dataset(dataset)
+    names = scored_motions(opened, motions)
     check_output(path, overwrite)
     parts = []
     with ExitStack() as stack:
@@ -104,9 +105,9 @@ def write_report(
         for number, name in enumerate(names):
             if advanced is not None:
                 advanced(number, len(names), name)
-            parts.append(motion_part(dataset, name, f"m{number}", renderer, note))
+            parts.append(motion_part(opened, name, f"m{number}", renderer, note))
     with atomic_file(path) as temporary:
-        temporary.write_text(page(dataset, parts), encoding="utf-8")
+        temporary.write_text(page(opened, parts, review_note(opened, motions)), encoding="utf-8")
     return parts
 
 
@@ -118,42 +119,47 @@ def open_renderer(stack: ExitStack) -> tuple[RenderProcess | None, str]:
         return None, f"No pictures: {error}."
 
 
-def motion_part(dataset: Path, name: str, key: str, renderer: RenderProcess | None, note: str) -> MotionPart:
+def motion_part(dataset: Dataset, name: str, key: str, renderer: RenderProcess | None, note: str) -> MotionPart:
     """Compute and draw everything of one motion.
 
     Raises:
         RenderError: it holds nothing that could be shown, or poses that are not finite.
         DatasetError: it cannot be read.
     """
-    data = read_motion(dataset, name)
-    check_content(dataset, data)
+    check_content(dataset, name)
+    data = dataset.load(name)
     figures, curves = measure(data, GO2), curves_of(data)
     shown: tuple[Strip, ...] = ()
     if renderer is not None:
-        shown = strips(renderer, open_dataset(dataset).motion(name), figures.figures["joint_rmse"])
-    duration = figures.rows * float(data.time[1] - data.time[0])
+        shown = strips(renderer, dataset.motion(name), figures.figures["joint_rmse"], data.indices)
+    duration = figures.rows * data.frame_duration
     return MotionPart(
         name, figures.rows, duration, data.attributes, figures, coverage_svg(curves, f"{key}c"),
         phase_svg(curves, f"{key}p"), shown, note,
     )  # fmt: skip
 
 
-def check_content(dataset: Path, data: MotionData) -> None:
+def check_content(dataset: Dataset, name: str) -> None:
     """Check that every trajectory of a motion has a row, and that there is one.
 
     Raises:
         RenderError: there is nothing to show.
     """
-    lengths = data.trajectories.draws["length"]
-    if len(data.time) < 2 or not len(lengths) or lengths.min() < 1:
-        raise RenderError(f"{dataset}/{data.name}: holds no trajectory, or an empty one; see 'kine2go check'")
+    motion = dataset.motion(name)
+    if len(motion.time) < 2 or not len(motion.lengths) or motion.lengths.min() < 1:
+        raise RenderError(f"{dataset.path}/{name}: holds no trajectory, or an empty one; see 'kine2go check'")
 
 
-def page(dataset: Path, parts: Sequence[MotionPart]) -> str:
-    """Return the page as HTML; all texts of the dataset are escaped."""
+def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
+    """Return the page as HTML; all texts of the dataset are escaped.
+
+    Args:
+        dataset: The dataset.
+        parts: Its motions.
+        review: How many trajectories are left out because a review rejected them, empty if none is.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    root = open_dataset(dataset)
     scores = score([part.figures for part in parts])
     attributes = {part.name: part.attributes for part in parts}
     shared, different = tables.settings(attributes)
@@ -161,7 +167,7 @@ def page(dataset: Path, parts: Sequence[MotionPart]) -> str:
         loader=FileSystemLoader(PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.get_template("page.html.j2").render(
-        name=dataset.resolve().name,
+        name=dataset.path.resolve().name,
         parts=parts,
         scorecard=tables.scorecard(
             scores.motions, {part.name: (part.trajectories, part.duration) for part in parts}, scores.overall
@@ -171,13 +177,14 @@ def page(dataset: Path, parts: Sequence[MotionPart]) -> str:
         licences=tables.licences(attributes),
         shared=shared,
         different=different,
-        facts=tables.facts(root.attributes, DATASET_FACTS),
+        facts=tables.facts(dataset.attributes, DATASET_FACTS),
         tiles=tiles(parts, scores.overall["acceptance"].value),
         robot_note=robot_note(dataset, GO2),
+        review_note=review,
         note=next((part.note for part in parts if part.note), ""),
         most_paths=MOST_PATHS,
         made_by=f"kine2go_warp {__version__}" + (f", revision {revision()}" if revision() else ""),
-        number_text=tables.number_text,
+        number_text=number_text,
         style=(PAGE / "page.css").read_text(),
         script=(PAGE / "page.js").read_text(),
     )

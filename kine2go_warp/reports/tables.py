@@ -3,11 +3,11 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from kine2go_warp.scores.registry import METRICS
 from kine2go_warp.scores.statistics import Estimate
+from kine2go_warp.tables import Cell, Column, Table, number_text
 
 HEADLINES = {
     "joint_rmse": "joint RMSE",
@@ -27,60 +27,11 @@ SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citat
 """Attributes of a motion that have a place of their own on the page."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One cell of a table."""
-
-    text: str
-    value: float | str | None = None
-    """What it is sorted by; nothing where there is no value."""
-    name: str = ""
-    """Which figure it is."""
-    hint: str = ""
-    """Shown when pointed at."""
-    code: bool = False
-    """Whether it is a name of the software's, such as a motion's."""
-
-    @property
-    def is_number(self) -> bool:
-        """Whether it is set to the right."""
-        return isinstance(self.value, float)
-
-
-@dataclass(frozen=True)
-class Column:
-    """The heading of a column."""
-
-    text: str
-    unit: str = ""
-    hint: str = ""
-    number: bool = True
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table whose rows can be sorted."""
-
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    total: tuple[Cell, ...] = ()
-    """A last row that stays where it is."""
-
-
 def number(value: float, name: str = "", hint: str = "") -> Cell:
     """Return a cell with a number of three significant digits."""
     if math.isnan(value):
         return Cell("-", None, name, hint)
     return Cell(number_text(value), float(value), name, hint)
-
-
-def number_text(value: float) -> str:
-    """Return a number with three significant digits, whole ones in full."""
-    if math.isnan(value):
-        return "-"
-    if abs(value) >= 1000.0 or value == int(value):
-        return f"{value:,.0f}"
-    return f"{value:.3g}"
 
 
 def interval(estimate: Estimate) -> Cell:

@@ -56,27 +56,28 @@ def ranked_trajectories(values: NDArray) -> dict[str, int]:
     return once
 
 
-def strips(renderer: RenderProcess, motion: Motion, joint_rmse: NDArray) -> tuple[Strip, ...]:
+def strips(renderer: RenderProcess, motion: Motion, joint_rmse: NDArray, indices: NDArray) -> tuple[Strip, ...]:
     """Draw the best, the median and the worst trajectory of a motion.
 
     Args:
         renderer: Draws pictures of ``WIDTH`` x ``HEIGHT``.
         motion: The motion.
         joint_rmse: By which they are ranked [rad], shape [num_trajectories].
+        indices: Index of each of these trajectories in the store, same shape.
 
     Raises:
         RenderError: poses are not finite.
         DatasetError: the motion cannot be read.
     """
     chosen = ranked_trajectories(joint_rmse)
-    trajectories = read_trajectories(motion, list(chosen.values()))
+    trajectories = read_trajectories(motion, [int(indices[place]) for place in chosen.values()])
     result = []
-    for rank, trajectory in zip(chosen, trajectories, strict=True):
+    for (rank, place), trajectory in zip(chosen.items(), trajectories, strict=True):
         rows = [round(share * (len(trajectory.time) - 1)) for share in SHARES]
         shots = tuple(
             Shot(jpeg_address(renderer.draw(trajectory.request(row))), row, float(trajectory.time[row])) for row in rows
         )
-        result.append(Strip(rank, trajectory.index, float(joint_rmse[trajectory.index]), shots))
+        result.append(Strip(rank, trajectory.index, float(joint_rmse[place]), shots))
     return tuple(result)
 
 

@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
-from kine2go_warp.dataset.trajectories import Groups, continuous_quaternions, padded
+from kine2go_warp.dataset.trajectories import Groups, padded
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.snapshot import WorldSnapshot
 from kine2go_warp.env.terrain import reach_of
@@ -27,6 +27,7 @@ from kine2go_warp.rollouts.gather import ProgressCallback
 from kine2go_warp.rollouts.quality import Verdict, judge
 from kine2go_warp.rollouts.recorder import RolloutRecorder
 from kine2go_warp.rollouts.spool import RowSpool
+from kine2go_warp.rotations import continuous
 
 JUDGED_AT_ONCE = 64
 """Rollouts in memory while they are judged."""
@@ -94,7 +95,7 @@ def read_whole(spool: RowSpool, name: str, worlds: NDArray, num_rows: int) -> ND
     if rows.shape[1] < num_rows:
         missing = np.full((len(rows), num_rows - rows.shape[1], *rows.shape[2:]), np.nan, np.float32)
         rows = np.concatenate([rows, missing], axis=1)
-    return continuous_quaternions(rows) if name.endswith("orientation") else rows
+    return continuous(rows, axis=1) if name.endswith("orientation") else rows
 
 
 @dataclass
@@ -244,7 +245,10 @@ class Campaign:
         observation = self.env.get_observations()
         for step in range(total):
             if step == warm_up:
-                groups = {"randomization": environment.randomization.drawn(), "initial_state": self._initial_state()}
+                groups = {
+                    "randomization": environment.randomization.parameters(),
+                    "initial_state": self._initial_state(),
+                }
             mean, output = self.actor(observation, noise)
             if step >= warm_up:
                 recorder.record_state()

@@ -9,6 +9,7 @@ from kine2go_warp.env.bodies import Bodies
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.model import SpecArrays
 from kine2go_warp.env.motors import Motors
+from kine2go_warp.env.randomization import parameter_arrays
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terrain import build_height_field
 from kine2go_warp.kernels.recording import record_root
@@ -56,23 +57,15 @@ class OpenLoop:
 
     def _place(self, initial: InitialState) -> None:
         """Write the initial state where the simulation reads it."""
-        robot, model = self.simulation.robot, self.motors.model
+        robot = self.simulation.robot
         targets = {
             "joint_q": robot.joint_q,
             "joint_qd": robot.joint_qd,
             "warm_start": self.simulation.warm_start,
             "target_queue": self.motors.target_queue,
             "reference_step": self.reference_step,
-            "delay": model.delay,
-            "stiffness": model.stiffness,
-            "damping": model.damping,
-            "strength": model.strength,
-            "motor_offset": model.offset,
-            "joint_friction": model.friction,
-            "friction_anchor": model.friction_anchor,
-            "base_mass": self.bodies.base.mass,
-            "base_com": self.bodies.base.com,
-            "friction": self.bodies.friction,
+            **parameter_arrays(self.motors, self.bodies),
+            "friction_anchor": self.motors.model.friction_anchor,
         }
         for name, array in targets.items():
             array.assign(initial[name])

@@ -1,34 +1,16 @@
 """How good each rollout is, and which ones are good enough."""
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.quality import rotation_angle, tracking_quality
+from kine2go_warp import metrics
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
+from kine2go_warp.metrics import FILTER_METRICS, Rows
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.scores import metrics
-
-Rows = Mapping[str, NDArray]
-
-LIMITS = (
-    ("largest_root_error", "max_distance", "distance"),
-    ("largest_root_angle", "max_angle", "rotation"),
-    ("joint_rmse", "max_joint_rmse", "joint_error"),
-    ("leg_contact", "max_leg_contact", "leg_contact"),
-    ("joint_limit", "max_joint_limit", "joint_limit"),
-    ("torque_saturation", "max_torque_saturation", "torque_saturation"),
-    ("action_saturation", "max_action_saturation", "action_saturation"),
-    ("foot_slip", "max_foot_slip", "foot_slip"),
-    ("joint_jerk", "max_joint_jerk", "jerk"),
-    ("joint_speed", "max_joint_speed", "joint_speed"),
-    ("leg_overlap", "max_leg_overlap", "leg_overlap"),
-)
-"""Figure, the setting that limits it, and the reason that it gives; the first that is exceeded counts."""
 
 BORDERLINE = 0.8
 """A rollout one of whose figures exceeds this share of its limit is worth a look."""
@@ -57,12 +39,10 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
         frame_duration: Time between two rows [s].
         spec: The robot.
     """
-    distance = np.linalg.norm(rows["root_position"] - rows["reference_root_position"], axis=-1)
-    angle = rotation_angle(rows["root_orientation"], rows["reference_root_orientation"])
     return {
-        **tracking_quality(rows),
-        "largest_root_error": np.nanmax(distance, axis=1),
-        "largest_root_angle": np.nanmax(angle, axis=1),
+        **metrics.tracking_quality(rows),
+        "largest_root_error": np.nanmax(metrics.root_error(rows), axis=1),
+        "largest_root_angle": np.nanmax(metrics.root_angle(rows), axis=1),
         "leg_contact": np.nanmean(rows["leg_contact"], axis=1),
         "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
         "torque_saturation": metrics.torque_saturation(
@@ -94,11 +74,11 @@ def judge(rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: f
         # A rollout that failed at once has no rows: its figures are NaN, and its reason is known.
         warnings.simplefilter("ignore")
         quality = rollout_quality(rows, frame_duration, spec)
-    shares = {name: quality[name] / getattr(config, setting) for name, setting, _ in LIMITS}
+    shares = {one.name: quality[one.name] / getattr(config, one.setting) for one in FILTER_METRICS}
     quality["limit_share"] = np.max(np.stack(list(shares.values())), axis=0)
     reasons = []
     for index, failure in enumerate(failures):
-        exceeded = [reason for name, _, reason in LIMITS if not shares[name][index] <= 1.0]
+        exceeded = [one.reason for one in FILTER_METRICS if not shares[one.name][index] <= 1.0]
         reasons.append(REASON_NAMES[failure] if failure else next(iter(exceeded), ""))
     assert set(quality) == {array.name for array in QUALITY_ARRAYS}
     return Verdict(tuple(reasons), {name: np.asarray(values, np.float32) for name, values in quality.items()})

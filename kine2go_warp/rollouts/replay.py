@@ -8,14 +8,15 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.quality import rotation_angle
-from kine2go_warp.dataset.reader import MotionData, read_motion
+from kine2go_warp.dataset import open_dataset
+from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import MotorState, MujocoRobot
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.open_loop import InitialState, OpenLoop
+from kine2go_warp.rotations import rotation_angle
 from kine2go_warp.settings import from_dictionary
 
 Engine = Literal["newton", "mujoco"]
@@ -73,7 +74,7 @@ def replay_motion(
     Raises:
         DatasetError: the dataset cannot be read, or there is no such trajectory.
     """
-    data = read_motion(path, motion)
+    data = open_dataset(path, include_rejected=True).load(motion)
     count = data.trajectories.num_trajectories
     chosen = list(range(count)) if trajectories is None else trajectories
     for index in chosen:

@@ -7,11 +7,11 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import LIMITS
-from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.schema import REJECTED
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
+from kine2go_warp.metrics import FILTER_METRICS
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
     Raises:
         DatasetError: the motion cannot be read, or does not tell its limits.
     """
-    data = read_motion(path, motion)
+    data = open_dataset(path).load(motion)
     settings = data.attributes.get("gather_settings")
-    if not isinstance(settings, dict) or any(limit.setting not in settings for limit in LIMITS):
+    if not isinstance(settings, dict) or any(limit.setting not in settings for limit in FILTER_METRICS):
         raise DatasetError(f"{path}/{motion}: does not tell the limits it was filtered by; gather it again")
     group = zarr.open_group(path / motion, mode="r")
 
@@ -51,10 +51,8 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
 
     quality = data.trajectories.groups["quality"]
     return [
-        Distribution(
-            limit.figure, limit.unit, float(settings[limit.setting]), quality[limit.figure], rejected(limit.figure)
-        )
-        for limit in LIMITS
+        Distribution(limit.name, limit.unit, float(settings[limit.setting]), quality[limit.name], rejected(limit.name))
+        for limit in FILTER_METRICS
     ]
 
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.reader import MotionData
-from kine2go_warp.dataset.summary import counted
+from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.files import atomic_file
-from kine2go_warp.scores.quaternions import yaw
+from kine2go_warp.metrics import joint_rmse, root_error
+from kine2go_warp.rotations import heading
+from kine2go_warp.tables import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,17 +44,15 @@ class MotionCurves:
 def curves_of(data: MotionData) -> MotionCurves:
     """Reduce a motion to what is drawn."""
     rows, lengths = data.trajectories.rows, data.trajectories.draws["length"]
-    joint = rows["joint_position"].astype(np.float64) - rows["reference_joint_position"]
-    root = rows["root_position"].astype(np.float64) - rows["reference_root_position"]
-    headings = yaw(rows["root_orientation"])
+    headings = heading(rows["root_orientation"])
     return MotionCurves(
         motion=data.name,
         paths=[
             path[:length, :2].astype(np.float64) for path, length in zip(rows["root_position"], lengths, strict=True)
         ],
-        headings=[heading[:length] for heading, length in zip(headings, lengths, strict=True)],
-        joint_error=quantiles_by_phase(rows["phase"], np.sqrt(np.mean(joint**2, axis=-1))),
-        root_error=quantiles_by_phase(rows["phase"], np.linalg.norm(root, axis=-1)),
+        headings=[yaw[:length] for yaw, length in zip(headings, lengths, strict=True)],
+        joint_error=quantiles_by_phase(rows["phase"], joint_rmse(rows)),
+        root_error=quantiles_by_phase(rows["phase"], root_error(rows)),
     )
 
 
@@ -78,12 +77,12 @@ def draw_coverage(curves: MotionCurves) -> "Figure":
     figure = new_figure(6.0, 6.0)
     axes = figure.add_subplot()
     size = float(np.ptp(np.concatenate(curves.paths), axis=0).max()) or 1.0
-    for index, (path, heading) in enumerate(zip(curves.paths, curves.headings, strict=True)):
+    for index, (path, yaw) in enumerate(zip(curves.paths, curves.headings, strict=True)):
         colour = COLOURS[index % len(COLOURS)]
         axes.plot(*path.T, color=colour, linewidth=1.0)
         axes.plot(*path[0], color=colour, marker="o", markersize=4, linestyle="none")
         shown = np.linspace(0, len(path) - 1, HEADINGS + 1).round().astype(int)[1:]
-        arrow = 0.05 * size * np.stack([np.cos(heading[shown]), np.sin(heading[shown])])
+        arrow = 0.05 * size * np.stack([np.cos(yaw[shown]), np.sin(yaw[shown])])
         axes.quiver(*path[shown].T, *arrow, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.005)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.margins(0.08)

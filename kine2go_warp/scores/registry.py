@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.reader import MotionData
+from kine2go_warp import metrics
+from kine2go_warp.dataset.motion import MotionData
+from kine2go_warp.metrics import FOOT_LINKS, Metric
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.scores import metrics, transport
-from kine2go_warp.scores.metrics import FOOT_LINKS
+from kine2go_warp.scores import transport
+from kine2go_warp.tables import Cell, make_table, markdown
 
 
 @dataclass(frozen=True)
@@ -37,25 +39,29 @@ class Rollouts:
         return cls(
             rows=data.trajectories.rows,
             length=length,
-            frame_duration=float(data.time[1] - data.time[0]),
+            frame_duration=data.frame_duration,
             accepted=int(data.attributes.get("accepted", len(length))),
             rejected=sum(data.attributes.get("rejected", {}).values()),
             spec=spec,
         )
 
 
-@dataclass(frozen=True)
-class Metric:
-    """One figure."""
+@dataclass(frozen=True, kw_only=True)
+class ScoredMetric(Metric):
+    """A metric that a dataset is scored by."""
 
-    name: str
-    unit: str
-    description: str
     compute: Callable[[Rollouts], NDArray]
     """Returns one figure a trajectory; of a share, whether it happened to each rollout."""
-    better: Literal["lower", "higher"] = "lower"
-    is_share: bool = False
-    """Whether it counts rollouts to which something happened."""
+
+
+def stored(name: str, compute: Callable[[Rollouts], NDArray]) -> ScoredMetric:
+    """Return a metric that the dataset stores, too, and how it is computed from its rows."""
+    return ScoredMetric(**vars(metrics.METRICS[name]), compute=compute)
+
+
+def scored(name: str, unit: str, description: str, compute: Callable[[Rollouts], NDArray], **more: Any) -> ScoredMetric:
+    """Return a metric that the dataset does not store."""
+    return ScoredMetric(name=name, unit=unit, description=description, compute=compute, **more)
 
 
 def _feet_in_base(rollouts: Rollouts) -> NDArray:
@@ -76,38 +82,30 @@ def _power(rollouts: Rollouts) -> NDArray:
 
 
 METRICS = (
-    Metric(
+    scored(
         "joint_mse",
         "rad^2",
         "mean square joint position error",
         lambda r: metrics.mean_square(r.rows["joint_position"], r.rows["reference_joint_position"]),
     ),
-    Metric(
+    stored(
         "joint_rmse",
-        "rad",
-        "root mean square joint position error",
         lambda r: metrics.root_mean_square(r.rows["joint_position"], r.rows["reference_joint_position"]),
     ),
-    Metric(
+    stored(
         "root_error",
-        "m",
-        "mean distance of the root from its reference",
         lambda r: metrics.mean_distance(r.rows["root_position"], r.rows["reference_root_position"]),
     ),
-    Metric(
+    stored(
         "root_angle",
-        "rad",
-        "mean angle of the root from its reference",
         lambda r: metrics.rotation_error(r.rows["root_orientation"], r.rows["reference_root_orientation"]),
     ),
-    Metric(
+    stored(
         "foot_error",
-        "m",
-        "mean distance of the four feet from their references in the world (MPJPE of the feet)",
         lambda r: metrics.mean_distance(r.rows["link_position"][:, :, FOOT_LINKS], r.rows["reference_foot_position"]),
     ),
-    Metric("foot_error_in_base", "m", "the same, robot and reference each seen from its own base", _feet_in_base),
-    Metric(
+    scored("foot_error_in_base", "m", "the same, robot and reference each seen from its own base", _feet_in_base),
+    scored(
         "root_velocity_error",
         "m/s",
         "mean length of the root's velocity error",
@@ -115,7 +113,7 @@ METRICS = (
             r.rows["root_linear_velocity"], r.rows["reference_root_position"], r.frame_duration
         ),
     ),
-    Metric(
+    scored(
         "root_turn_rate_error",
         "rad/s",
         "mean length of the root's angular velocity error",
@@ -123,7 +121,7 @@ METRICS = (
             r.rows["root_angular_velocity"], r.rows["reference_root_orientation"], r.frame_duration
         ),
     ),
-    Metric(
+    scored(
         "joint_velocity_error",
         "rad/s",
         "root mean square joint velocity error",
@@ -131,29 +129,26 @@ METRICS = (
             r.rows["joint_velocity"], r.rows["reference_joint_position"], r.frame_duration
         ),
     ),
-    Metric(
+    scored(
         "joint_emd",
         "rad",
         "Earth Mover's Distance of joint positions, root mean square over the joints",
         lambda r: transport.joint_distance(r.rows),
     ),
-    Metric(
+    scored(
         "body_emd",
         "m",
         "Earth Mover's Distance of root and links, root mean square over the points",
         lambda r: transport.body_distance(r.rows, r.spec),
     ),
-    Metric(
+    stored(
         "foot_slip",
-        "m/s",
-        f"mean horizontal speed of the lowest point of a foot while the floor pushes it with more than "
-        f"{metrics.CONTACT_FORCE:g} N",
         lambda r: metrics.foot_slip(
             r.rows["link_position"], r.rows["link_linear_velocity"], r.rows["foot_contact_force"], r.spec.foot_radius
         ),
     ),
-    Metric("power", "W", "mechanical power: mean over rows of the sum over joints of abs(torque x velocity)", _power),
-    Metric(
+    scored("power", "W", "mechanical power: mean over rows of the sum over joints of abs(torque x velocity)", _power),
+    scored(
         "cost_of_transport",
         "1",
         "mechanical power by weight and speed along the path",
@@ -161,46 +156,38 @@ METRICS = (
             _power(r), metrics.mean_speed(r.rows["root_position"], r.frame_duration), r.spec.mass
         ),
     ),
-    Metric(
+    stored(
         "torque_saturation",
-        "1",
-        "share of torques at the motors' limit",
         lambda r: metrics.torque_saturation(
             r.rows["joint_torque"],
             r.spec.motor_limits.available(r.rows["joint_torque"], r.rows["joint_velocity"]),
         ),
     ),
-    Metric(
-        "joint_limits",
-        "1",
-        f"share of joint positions within {metrics.LIMIT_MARGIN:g} rad of a limit, or beyond it",
+    stored(
+        "joint_limit",
         lambda r: metrics.joint_limit_share(r.rows["joint_position"], r.spec.joint_lower, r.spec.joint_upper),
     ),
-    Metric(
+    stored(
         "action_saturation",
-        "1",
-        "share of commanded joint targets beyond the joints' limits",
         lambda r: metrics.action_saturation(r.rows["joint_target"], r.spec.joint_lower, r.spec.joint_upper),
     ),
-    Metric(
+    scored(
         "action_rate",
         "1",
         "mean change of the action from row to row",
         lambda r: metrics.mean_change(r.rows["action"]),
     ),
-    Metric(
+    scored(
         "joint_acceleration",
         "rad/s^2",
         "mean size of the joint accelerations",
         lambda r: metrics.joint_acceleration(r.rows["joint_velocity"], r.frame_duration),
     ),
-    Metric(
+    stored(
         "joint_jerk",
-        "rad/s^3",
-        "mean size of the joint jerks",
         lambda r: metrics.joint_jerk(r.rows["joint_velocity"], r.frame_duration),
     ),
-    Metric(
+    scored(
         "survival",
         "1",
         "share of trajectories of full length",
@@ -208,7 +195,7 @@ METRICS = (
         better="higher",
         is_share=True,
     ),
-    Metric(
+    scored(
         "acceptance",
         "1",
         "share of rollouts that were accepted into the dataset",
@@ -222,5 +209,5 @@ METRICS = (
 
 def markdown_table() -> str:
     """Return the figures and their meanings as a table in Markdown."""
-    rows = [f"| `{metric.name}` | {metric.unit} | {metric.better} | {metric.description} |" for metric in METRICS]
-    return "\n".join(["| figure | unit | better | meaning |", "|---|---|---|---|", *rows]) + "\n"
+    rows = [(Cell(one.name, code=True), one.unit, one.better, one.description) for one in METRICS]
+    return markdown(make_table("", ("figure", "unit", "better", "meaning"), rows))

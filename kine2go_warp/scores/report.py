@@ -9,7 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.reader import MotionData, motion_names
+from kine2go_warp.dataset.access import Dataset
+from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.robots import RobotSpec
@@ -17,6 +18,7 @@ from kine2go_warp.robots.compiled import model_difference
 from kine2go_warp.scores import statistics, transport
 from kine2go_warp.scores.registry import METRICS, Rollouts
 from kine2go_warp.scores.statistics import Estimate, estimate_mean, estimate_share
+from kine2go_warp.tables import counted
 
 
 @dataclass(frozen=True)
@@ -40,29 +42,32 @@ class DatasetScores:
     overall: Mapping[str, Estimate]
 
 
-def chosen_motions(path: Path, motions: Sequence[str]) -> list[str]:
-    """Return the motions of a dataset that are named, or all of them.
+def scored_motions(dataset: Dataset, motions: Sequence[str] = ()) -> list[str]:
+    """Return the motions of a dataset that are named, or all of them, without those that have no trajectory left.
 
     Raises:
-        DatasetError: there is no dataset, it is empty, or it lacks one of them.
+        DatasetError: the dataset is empty, it lacks one of the motions, or a review rejected all of their trajectories.
     """
-    known = motion_names(path)
-    if not known:
-        raise DatasetError(f"{path}: holds no motions; add some with 'kine2go gather'")
-    missing = [motion for motion in motions if motion not in known]
-    if missing:
-        raise DatasetError(f"{path}: holds no motion '{missing[0]}'; it has: {', '.join(known)}")
-    return list(dict.fromkeys(motions)) or known
+    names = dataset.chosen(motions)
+    kept = [name for name in names if len(dataset.left_out(name)) < max(1, len(dataset.motion(name).lengths))]
+    if not kept:
+        raise DatasetError(f"{dataset.path}: all trajectories were rejected in a review; nothing is left to score")
+    return kept
 
 
-def robot_note(path: Path, spec: RobotSpec) -> str:
+def review_note(dataset: Dataset, motions: Sequence[str] = ()) -> str:
+    """Return how many trajectories of some motions, by default all, reviews rejected; empty if there are none."""
+    names = motions or dataset.motions
+    left_out = sum(len(dataset.left_out(name)) for name in names)
+    total = sum(len(dataset.motion(name).lengths) for name in names)
+    return f"left out {left_out} of {counted(total, 'trajectory')}, rejected in a review" if left_out else ""
+
+
+def robot_note(dataset: Dataset, spec: RobotSpec) -> str:
     """Return a remark if a dataset was made with another model of the robot, whose limits and mass are unknown here."""
-    import zarr
-
-    root = zarr.open_group(path, mode="r")
-    if root.attrs.get("robot_model_sha256") == spec.model_hash:
+    if dataset.attributes.get("robot_model_sha256") == spec.model_hash:
         return ""
-    found = sorted({model_difference(dict(group.attrs), spec) for _, group in root.groups()} - {""})
+    found = sorted({model_difference(dataset.motion(name).attributes, spec) for name in dataset.motions} - {""})
     changes = f" ({'; '.join(found)})" if found else ""
     return f"made with another robot model{changes}: feet, limits and mass are taken from the present one"
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.scores.quaternions import rotate, yaw
+from kine2go_warp.rotations import heading, rotate
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def body_states(root_position: NDArray, root_orientation: NDArray, links_in_base
     Returns:
         Shape [..., 3 * (num_links + 1)].
     """
-    half = 0.5 * yaw(root_orientation)
+    half = 0.5 * heading(root_orientation)
     zero = np.zeros_like(half)
     unturned = np.stack([np.cos(half), zero, zero, -np.sin(half)], axis=-1)
     points = rotate(unturned[..., None, :], rotate(np.asarray(root_orientation)[..., None, :], links_in_base))

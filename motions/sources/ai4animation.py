@@ -38,6 +38,8 @@ class AI4Animation(MotionSource):
     forward_lift: ClassVar[float] = 0.04
     foot_outward: ClassVar[float] = 0.1
     rate: ClassVar[float] = 60.0
+    """Of files whose rate nobody states [Hz]."""
+    tells_rate: ClassVar[bool] = False
 
     def read(self, path: Path) -> KeypointMotion:
         """Read a whole file; see ``MotionSource.read``."""

@@ -1,10 +1,16 @@
 """The interface of a source."""
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
+from kine2go_warp.motions.examination import examined
 from kine2go_warp.motions.keypoints import KeypointMotion
+
+STATED = ("name", "scale", "root_drop", "forward_lift", "foot_outward")
 
 
 class MotionSource(ABC):
@@ -30,9 +36,29 @@ class MotionSource(ABC):
         Raises:
             TypeError: a value is missing.
         """
-        missing = [name for name in MotionSource.__annotations__ if not hasattr(cls, name)]
+        missing = [name for name in STATED if not hasattr(cls, name)]
         if missing:
             raise TypeError(f"the source {cls.__name__} does not state {', '.join(missing)}")
+
+    unit: ClassVar[str] = "metres"
+    """Unit of the file's lengths, to name a likelier one."""
+    tells_rate: ClassVar[bool] = True
+    """Whether a file of this source tells its own frame rate."""
+
+    def load(self, path: Path, rate: float | None = None) -> KeypointMotion:
+        """Read a whole file, examine it and repair what can be repaired.
+
+        Args:
+            path: The file.
+            rate: Frames per second of a file that cannot tell its own [Hz].
+
+        Raises:
+            ClipError: the file is missing or malformed, or has a fault that cannot be repaired.
+        """
+        motion = self.read(path)
+        if rate is not None and not self.tells_rate:
+            motion = replace(motion, time=np.arange(motion.num_frames) / rate)
+        return examined(motion, self.scale, self.unit, str(path))
 
     def data_file(self, path: Path) -> Path:
         """Return the file that ``path`` is in, for sources that name one motion among several in a file."""
@@ -40,7 +66,7 @@ class MotionSource(ABC):
 
     @abstractmethod
     def read(self, path: Path) -> KeypointMotion:
-        """Read a whole file.
+        """Read a whole file as it is.
 
         Raises:
             ClipError: the file is missing or malformed; the message names file and line.

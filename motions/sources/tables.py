@@ -1,5 +1,8 @@
 """Reading text tables of numbers, with errors that name the line."""
 
+import codecs
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +11,31 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
 
+FORMATS = (
+    (r"\s*HIERARCHY\b", "a BVH file"),
+    (r"\s*\{[^{}]*\"(Frames|FrameDuration|LoopMode)\"", "a joint-space motion file (JSON with Frames)"),
+    (r"\s*[\[{]", "a JSON file"),
+    (r"\s*<\?xml", "an XML file"),
+)
+"""What files of other formats begin with."""
+
 
 def read_lines(path: Path) -> list[str]:
     """Return the lines of a text file, without empty ones at its end.
 
+    UTF-8 with or without a byte order mark and UTF-16 are read; where semicolons part the fields, as spreadsheets write
+    them beside decimal commas, they become commas and points.
+
     Raises:
-        ClipError: there is no such file, it is not text, or it has too few lines for a motion.
+        ClipError: there is no such file, it is not text, it has too few lines for a motion, or is in a format that no
+            text reader reads.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
+        is_wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
+        if is_wide and not text.isascii():
+            raise ClipError(f"{path}: not a text file")
     except FileNotFoundError:
         raise ClipError(f"{path}: no such motion file") from None
     except IsADirectoryError:
@@ -25,14 +44,21 @@ def read_lines(path: Path) -> list[str]:
         raise ClipError(f"{path}: not a text file") from None
     except OSError as error:
         raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
+    for beginning, kind in FORMATS:
+        if re.match(beginning, text):
+            raise ClipError(
+                f"{path}: {kind}, which this source does not read; docs/adding-a-source.md says how to add one"
+            )
     lines = text.rstrip().splitlines()
+    if lines and lines[0].count(";") >= 2:
+        lines = [line.replace(",", ".").replace(";", ",") for line in lines]
     if len(lines) < MINIMUM_FRAMES:
         raise ClipError(f"{path}: {len(lines)} line(s); a motion needs at least {MINIMUM_FRAMES} frames")
     return lines
 
 
 def parse_numbers(
-    path: Path, lines: list[str], num_columns: int, largest: float, first_line: int = 1
+    path: Path, lines: list[str], num_columns: int, largest: float, first_line: int = 1, names: Sequence[str] = ()
 ) -> NDArray[np.float64]:
     """Parse lines of comma-separated finite numbers.
 
@@ -42,6 +68,7 @@ def parse_numbers(
         num_columns: Numbers in each line.
         largest: Magnitude beyond which a number cannot be meant.
         first_line: Number of the first of these lines in the file.
+        names: Of the columns, for messages.
 
     Returns:
         The numbers, shape [num_lines, num_columns].
@@ -59,6 +86,11 @@ def parse_numbers(
             rows[index] = [float(field) for field in fields]
         except ValueError as error:
             raise ClipError(f"{where}: not a number ({error})") from None
-        if not np.all(np.abs(rows[index]) <= largest):
-            raise ClipError(f"{where}: a value is not finite or its magnitude exceeds {largest:g}")
+        wrong = ~(np.abs(rows[index]) <= largest)
+        if wrong.any():
+            column = int(np.argmax(wrong))
+            name = f" ({names[column]})" if names else ""
+            raise ClipError(
+                f"{where}: column {column + 1}{name}, a value is not finite or its magnitude exceeds {largest:g}"
+            )
     return rows

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.examination import check_size, repaired
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.tables import parse_numbers, read_lines
@@ -19,8 +20,6 @@ HEADER = ["Frame", "Time", *(marker + axis for marker in MARKERS for axis in "XY
 HOOVES = ("HFL", "HFR", "HHL", "HHR")
 """Hoof markers in the order FL, FR, RL, RR."""
 
-TALLEST_HORSE = 3.0
-"""Withers above this are not in millimetres [m]."""
 SHORTEST_TRUNK = 0.1
 """A horse is longer than this between its markers [m]."""
 LOW_SHARE = 0.2
@@ -43,6 +42,7 @@ class Vhdc(MotionSource):
     """
 
     name: ClassVar[str] = "vhdc"
+    unit: ClassVar[str] = "millimetres"
     scale: ClassVar[float] = 0.25
     root_drop: ClassVar[float] = 0.04
     forward_lift: ClassVar[float] = 0.0
@@ -56,19 +56,22 @@ class Vhdc(MotionSource):
         header = [name.strip().strip('"').rstrip("#") for name in lines[0].split(",")]
         if header != HEADER:
             raise ClipError(f"{path}, line 1: not the header of a VHDC file (expected {','.join(HEADER[:5])},...)")
-        rows = parse_numbers(path, lines[1:], len(HEADER), 1e6, first_line=2)
+        rows = parse_numbers(path, lines[1:], len(HEADER), 1e6, first_line=2, names=HEADER)
         time = uniform_time(path, rows[:, 1])
         markers = 1e-3 * rows[:, 2:].reshape(len(rows), len(MARKERS), 3)
-        if markers[..., 2].max() > TALLEST_HORSE:
-            raise ClipError(f"{path}: a marker {markers[..., 2].max():.0f} m high; the file must be in millimetres")
-        hooves = markers[:, [MARKERS.index(name) for name in HOOVES]]
+        trunk = np.linalg.norm(markers[:, MARKERS.index("Withers")] - markers[:, MARKERS.index("Sacrum")], axis=1)
+        check_size(float(np.median(trunk)), self.scale, self.unit, str(path))
+        rate = 1.0 / (time[1] - time[0])
+        # Head is not used. Examined before the belt moves them, for a lost marker is at the laboratory's origin.
+        markers[:, 1:], remarks = repaired(markers[:, 1:], MARKERS[1:], float(np.median(trunk)), rate, str(path))
         trunk = markers[:, MARKERS.index("Withers")] - markers[:, MARKERS.index("Sacrum")]
         if np.any(np.linalg.norm(trunk[:, :2], axis=1) < SHORTEST_TRUNK):
             line = int(np.argmin(np.linalg.norm(trunk[:, :2], axis=1))) + 2
             raise ClipError(f"{path}, line {line}: Withers and Sacrum are in one place; a marker was lost")
+        hooves = markers[:, [MARKERS.index(name) for name in HOOVES]]
         belt, standing = belt_velocity(hooves, time[1] - time[0])
         markers[..., :2] -= time[:, None, None] * belt
-        return KeypointMotion(time, self._keypoints(markers, standing))
+        return KeypointMotion(time, self._keypoints(markers, standing), remarks)
 
     def _keypoints(self, markers: Array, standing: Mask) -> Array:
         """Return the keypoints.

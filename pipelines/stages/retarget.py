@@ -11,6 +11,13 @@ from kine2go_warp.pipelines.stages.base import Done, Made
 from kine2go_warp.robots import GO2
 from kine2go_warp.settings import to_dictionary
 
+GROSS_RESIDUAL = 0.1
+"""A foot this far out of reach makes a clip useless [m]."""
+GROSS_PATH = 0.2
+"""So does a path whose length is off by this share, if the animal went ``LEAST_WAY``."""
+LEAST_WAY = 0.3
+"""[m]"""
+
 
 class RetargetStage:
     """Makes ``MOTION.npz``."""
@@ -40,19 +47,38 @@ class RetargetStage:
             "source": to_dictionary(origin),
             "robot_model": GO2.model_hash,
             "settings": to_dictionary(job.recipe.retarget),
+            **({"accepted": True} if job.motion in job.recipe.accept else {}),
         }
 
     def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
-        """Retarget the motion."""
+        """Retarget the motion and assess the clip.
+
+        Raises:
+            ClipError: it has a gross fault, and the recipe does not accept it.
+        """
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.quality import assess, clip_remarks
         from kine2go_warp.motions.retarget import retarget
 
         del done
         result = retarget(job.entry, job.data_folder, InverseKinematics(GO2), job.recipe.retarget)
         clip = result.clip
+        quality = assess(result, GO2)
+        remarks = clip_remarks(quality)
+        for remark in remarks:
+            monitor.note(f"clip: {remark}")
+        is_gross = quality.residual > GROSS_RESIDUAL or (
+            abs(quality.path_error) > GROSS_PATH and result.source_path_length > LEAST_WAY
+        )
+        if is_gross and job.motion not in job.recipe.accept:
+            raise ClipError(
+                f"the clip is unfit for training: {'; '.join(remarks)}; mend the file or the range of frames, "
+                f'or accept it in the recipe with accept = ["{job.motion}"]'
+            )
         clip.save(folder / f"{job.motion}.npz")
         monitor.advanced(1, 1, f"{clip.num_frames} frames")
-        return Made(clip.content_hash(), {"frames": clip.num_frames, "period": clip.period})
+        figures = {"frames": clip.num_frames, "period": clip.period}
+        return Made(clip.content_hash(), {**figures, "clip_remarks": remarks} if remarks else figures)
 
     def show(self, job: Job, artefact: Artefact) -> None:
         """Link the clip."""

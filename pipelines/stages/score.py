@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from kine2go_warp.errors import DatasetError
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Done, Made
@@ -29,15 +28,14 @@ class ScoreStage:
 
     def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
         """Score the trajectories that nobody rejected."""
-        from kine2go_warp.dataset.used import read_used
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.files import sha256_of
-        from kine2go_warp.scores.report import measure, score, write_json
+        from kine2go_warp.scores.report import measure, score, scored_motions, write_json
 
         del done
-        data, left_out = read_used(job.workspace.dataset, job.motion)
-        if data.trajectories.num_trajectories == 0:
-            raise DatasetError(f"{job.motion}: all {left_out} trajectories were rejected in a review; none to score")
-        measured = measure(data, GO2)
+        dataset = open_dataset(job.workspace.dataset)
+        scored_motions(dataset, [job.motion])
+        measured = measure(dataset.load(job.motion), GO2)
         scores = score([measured])
         path = folder / f"{job.motion}.json"
         write_json(job.workspace.dataset, [measured], scores, path)

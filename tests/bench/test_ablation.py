@@ -11,7 +11,7 @@ from PIL import Image
 
 from kine2go_warp.bench import ablation
 from kine2go_warp.bench.ablation import ablation_table, read_results, run_ablation, tasks
-from kine2go_warp.bench.choices import CHOICES, AblationConfig, Choice, with_value
+from kine2go_warp.bench.choices import CHOICES, AblationConfig, Choice
 from kine2go_warp.bench.curves import band
 from kine2go_warp.bench.trial import Figures, Trial, figures, run_trial
 from kine2go_warp.cli.main import main
@@ -39,8 +39,8 @@ def test_a_choice_changes_what_it_says_and_nothing_else(choice):
 def test_names_are_unique_and_the_first_is_the_preset_itself():
     assert len({choice.name for choice in CHOICES}) == len(CHOICES)
     assert CHOICES[0].apply(FAST) == FAST == PRESETS["fast"]
-    with pytest.raises(TypeError):
-        with_value(FAST, "env.motor.colour", 1)
+    with pytest.raises(Kine2GoError, match="unknown key"):
+        FAST.override({"env.motor.colour": 1})
 
 
 def test_every_training_has_the_same_number_of_steps():

@@ -7,8 +7,8 @@ import pytest
 import zarr
 
 from kine2go_warp.cli.main import main
-from kine2go_warp.cli.score_command import figure
 from kine2go_warp.scores.registry import METRICS
+from kine2go_warp.tables import number_text
 
 
 @pytest.fixture(scope="module")
@@ -99,4 +99,4 @@ def test_short_trajectories_lower_survival(dataset, tmp_path):
 
 
 def test_numbers_have_three_digits():
-    assert [figure(value) for value in (0.0123456, 4560.4, float("nan"), 0.0)] == ["0.0123", "4,560", "-", "0"]
+    assert [number_text(value) for value in (0.0123456, 4560.4, float("nan"), 0.0)] == ["0.0123", "4,560", "-", "0"]

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import xarray
 
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.checks.store import check_index
-from kine2go_warp.dataset.reader import motion_names, read_motion
+from kine2go_warp.dataset.store import motion_names
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -28,7 +29,7 @@ def assert_it_opens(store: Path) -> list[str]:
         tree = xarray.open_datatree(store, engine="zarr")
     assert sorted(tree.children) == names
     for name in names:
-        read_motion(store, name)
+        open_dataset(store, include_rejected=True).load(name)
     return names
 
 

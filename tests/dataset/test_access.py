@@ -10,7 +10,7 @@ import pytest
 
 from kine2go_warp.dataset import motion as motion_module
 from kine2go_warp.dataset import open_dataset
-from kine2go_warp.dataset.schema import MAXIMUM_REWARDS, QUALITY_ARRAYS, REWARD_TERMS, ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.writer import DatasetWriter, consolidate
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
@@ -208,10 +208,3 @@ dataset = open_dataset({str(store)!r})
 assert len(load_rows(dataset).table) == 110 and compute_statistics(dataset, ["action"])
 """
     run_without(("torch", "warp", "newton", "placo", "pyarrow", "xarray", "rich"), script, Path(sys.prefix))
-
-
-def test_the_names_of_the_rewards_are_those_of_the_kernels():
-    from kine2go_warp.kernels import rewards
-
-    assert rewards.REWARD_TERMS == REWARD_TERMS
-    assert rewards.MAXIMUM_REWARDS == MAXIMUM_REWARDS

@@ -5,29 +5,26 @@ import shutil
 import numpy as np
 import pytest
 
-from kine2go_warp.dataset.doubt import LIMITS, Doubt, doubts, filter_limits, row_errors
+from kine2go_warp.dataset.doubt import Doubt, doubts, filter_limits, row_errors
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
+from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.quality import LIMITS as FILTER
 
 REFERENCE = TrajectoryReference("trot", 0, 10, {})
 
 
 def doubt_with(figures, limits, stored=math.nan):
     """A doubt of which only the first figures and limits are known."""
-    unknown = (math.nan,) * (len(LIMITS) - len(figures))
+    unknown = (math.nan,) * (len(FILTER_METRICS) - len(figures))
     return Doubt(REFERENCE, (*figures, *unknown), (*limits, *unknown), stored)
 
 
 def test_limits_are_settings_of_the_filter():
-    assert all(hasattr(GatherConfig(), limit.setting) for limit in LIMITS)
+    settings = {name for name in vars(GatherConfig()) if name.startswith("max_")}
+    assert {limit.setting for limit in FILTER_METRICS} == settings - {"max_attempts"}
     attributes = {"gather_settings": {"max_distance": 0.5, "max_angle": 0.8, "max_joint_rmse": 0.25, "rows": 5}}
     assert filter_limits(attributes)[:3] == (0.5, 0.8, 0.25)
     assert all(math.isnan(limit) for limit in filter_limits(attributes)[3:])
-
-
-def test_limits_are_all_those_of_the_filter_in_its_order():
-    assert [(limit.figure, limit.setting) for limit in LIMITS] == [(name, setting) for name, setting, _ in FILTER]
 
 
 @pytest.mark.parametrize("settings", [None, 3, {}, {"max_distance": "far", "max_angle": True, "max_joint_rmse": 0}])
@@ -76,7 +73,7 @@ def test_doubts_of_a_dataset_are_those_of_its_filter(clean_dataset):
         assert one.figures[7] == motion.values("quality/foot_slip")[index]
         assert one.limits[:3] == (9.0, 3.2, 9.0)
         assert max(one.shares) == pytest.approx(one.value, rel=1e-6)
-        assert LIMITS[int(np.argmax(one.shares))].label == one.worst
+        assert FILTER_METRICS[int(np.argmax(one.shares))].label == one.worst
 
 
 def test_without_stored_figures_they_come_from_the_rows(clean_dataset, tmp_path):

@@ -10,15 +10,18 @@ import pytest
 import xarray
 import zarr
 
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.reader import motion_names, read_motion
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
-from kine2go_warp.dataset.summary import counted, summarise
-from kine2go_warp.dataset.trajectories import Trajectories, continuous_quaternions
+from kine2go_warp.dataset.store import motion_names
+from kine2go_warp.dataset.summary import summarise
+from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import continuous
+from kine2go_warp.tables import counted
 
 SIMULATION = SimulationAttributes(60.0, 4, 60.0, 2.0)
 
@@ -101,7 +104,7 @@ def test_a_consumer_needs_nothing_of_this_package(store):
 def test_what_is_written_comes_back_bit_for_bit_with_nan_beyond_each_length(tmp_path, rng):
     written = made_up(rng)
     DatasetWriter(tmp_path / "dataset.zarr", GO2).write("one", written, SIMULATION, {"rejected": {}})
-    back = read_motion(tmp_path / "dataset.zarr", "one").trajectories
+    back = open_dataset(tmp_path / "dataset.zarr", include_rejected=True).load("one").trajectories
     for name, values in written.rows.items():
         np.testing.assert_array_equal(back.rows[name][[0, 2]], values[[0, 2]])
         np.testing.assert_array_equal(back.rows[name][1, :15], values[1, :15])
@@ -141,14 +144,14 @@ def test_the_summary_is_computed_from_the_rows(store):
     first = summarise(store)[0]
     assert (first.motion, first.accepted, first.total, first.rejected_in_review) == ("one", 3, 5, 0)
     assert (first.shortest, first.longest) == (pytest.approx(15 / 60), pytest.approx(20 / 60))
-    rows = read_motion(store, "one").trajectories.rows
+    rows = open_dataset(store, include_rejected=True).load("one").trajectories.rows
     error = rows["joint_position"].astype(float) - rows["reference_joint_position"]
     expected = np.mean([np.sqrt(np.nanmean(one**2)) for one in error])
     assert first.joint_rmse == pytest.approx(expected)
 
 
 def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monkeypatch):
-    before = read_motion(store, "one").trajectories.rows["action"]
+    before = open_dataset(store, include_rejected=True).load("one").trajectories.rows["action"]
 
     def fail(*_):
         raise OSError(28, "No space left on device")
@@ -156,7 +159,8 @@ def test_a_failed_write_leaves_the_old_motion_and_nothing_else(store, rng, monke
     monkeypatch.setattr("kine2go_warp.dataset.writer.write_members", fail)
     with pytest.raises(OSError, match="No space"):
         DatasetWriter(store, GO2).write("one", made_up(rng), SIMULATION, {"rejected": {}})
-    np.testing.assert_array_equal(read_motion(store, "one").trajectories.rows["action"], before)
+    after = open_dataset(store, include_rejected=True).load("one").trajectories.rows["action"]
+    np.testing.assert_array_equal(after, before)
     assert [path.name for path in store.parent.iterdir()] == [store.name]
 
 
@@ -189,17 +193,17 @@ def test_another_format_version_is_refused(store):
 
 def test_a_missing_motion_and_a_truncated_shard_are_named(store):
     with pytest.raises(DatasetError, match="holds no motion 'three'; it has: one, two"):
-        read_motion(store, "three")
+        open_dataset(store, include_rejected=True).load("three")
     shard = next(path for path in (store / "one" / "action").rglob("*") if path.is_file() and path.name != "zarr.json")
     shard.write_bytes(shard.read_bytes()[:100])
     with pytest.raises(DatasetError, match="one/action: cannot be read"):
-        read_motion(store, "one")
+        open_dataset(store, include_rejected=True).load("one")
 
 
 def test_quaternions_become_continuous_without_turning(rng):
     quaternions = rng.normal(size=(4, 30, 4))
     quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    smooth = continuous_quaternions(quaternions)
+    smooth = continuous(quaternions, axis=1)
     np.testing.assert_allclose(np.abs(np.sum(smooth * quaternions, axis=-1)), 1.0)
     assert np.all(np.sum(smooth[:, 1:] * smooth[:, :-1], axis=-1) >= 0.0)
     assert np.all(smooth[:, 0, 0] >= 0.0)
@@ -255,5 +259,5 @@ def test_a_robot_that_is_another_is_refused(store, rng):
 def test_damaged_metadata_of_a_motion_is_named(store):
     (store / "one" / "zarr.json").write_text("{")
     with pytest.raises(DatasetError, match="one: cannot be read"):
-        read_motion(store, "one")
+        open_dataset(store, include_rejected=True).load("one")
     assert DatasetWriter(store, GO2).attributes("one") == {}

@@ -12,10 +12,8 @@ import xarray
 from kine2go_warp.dataset import load_rows, open_dataset
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.reader import motion_names, read_motion
-from kine2go_warp.dataset.selection import used_trajectories
+from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.dataset.trajectories import Trajectories
-from kine2go_warp.dataset.used import read_used
 from kine2go_warp.dataset.verdicts import (
     ACCEPTED,
     FILE,
@@ -82,13 +80,13 @@ def test_the_last_verdict_counts_and_can_be_taken_back(path):
 
 def test_a_verdict_survives_gathering_the_same_again(path):
     say(path, "one", 1, REJECTED, "drags a leg")
-    rewrite(path, "one", read_motion(path, "one").trajectories)
+    rewrite(path, "one", open_dataset(path, include_rejected=True).load("one").trajectories)
     assert places(path, "one") == {1: REJECTED}
 
 
 def test_a_verdict_follows_its_rows_to_another_place(path):
     say(path, "one", 2, REJECTED, "drags a leg")
-    data = read_motion(path, "one").trajectories
+    data = open_dataset(path, include_rejected=True).load("one").trajectories
     rewrite(path, "one", data.selected(np.array([False, True, True])))
     assert places(path, "one") == {1: REJECTED}
 
@@ -97,7 +95,7 @@ def test_a_verdict_follows_its_rows_to_another_place(path):
 def test_a_verdict_lapses_when_any_row_changes(path, array):
     say(path, "one", 1, REJECTED, "drags a leg")
     say(path, "one", 2, REJECTED, "falls")
-    data = read_motion(path, "one").trajectories
+    data = open_dataset(path, include_rejected=True).load("one").trajectories
     rows = {name: values.copy() for name, values in data.rows.items()}
     rows[array][1, 7] += 1e-3
     rewrite(path, "one", Trajectories(rows, data.draws, data.groups))
@@ -121,11 +119,11 @@ def test_loading_export_and_statistics_leave_rejected_trajectories_out(path, tmp
     used = [(one.motion, one.index) for one in open_dataset(path).references]
     assert len(whole) == 6
     assert used == [("one", 1), ("one", 2), ("two", 0), ("two", 1)]
-    assert [one.index for one in used_trajectories(Motion(path, "one"))] == [1, 2]
+    assert open_dataset(path).load("one").indices.tolist() == [1, 2]
     assert export_dataset(path, "npz", tmp_path / "npz").trajectories == 4
-    data, left_out = read_used(path, "two")
-    assert (data.trajectories.num_trajectories, left_out) == (2, 1)
-    stored = read_motion(path, "two").trajectories.rows["action"][:2]
+    data, left_out = open_dataset(path).load("two"), open_dataset(path).left_out("two")
+    assert (data.trajectories.num_trajectories, left_out) == (2, {2})
+    stored = open_dataset(path, include_rejected=True).load("two").trajectories.rows["action"][:2]
     assert np.array_equal(data.trajectories.rows["action"], stored, equal_nan=True)
 
 
@@ -210,7 +208,7 @@ BROKEN = {
 def test_a_damaged_file_is_never_taken_for_no_verdicts(path, fault):
     (path / FILE).write_text(BROKEN[fault])
     with pytest.raises(DatasetError, match="mend or remove it"):
-        used_trajectories(Motion(path, "one"))
+        open_dataset(path).load("one")
     with pytest.raises(DatasetError, match="mend or remove it"):
         say(path, "one", 0, ACCEPTED)
     assert (path / FILE).read_text() == BROKEN[fault]

@@ -61,7 +61,7 @@ def test_the_metadata_say_what_a_robot_needs(policy, exported, clip):
     assert (metadata.control_rate, metadata.physics_rate, metadata.substeps) == (60.0, 240.0, 4)
     assert metadata.latency == pytest.approx(5 / 240)
     assert metadata.latency_substeps == 5
-    assert (metadata.action.form, metadata.action.scale, metadata.action.clip) == ("reference", 0.25, 100.0)
+    assert (metadata.action.mode, metadata.action.scale, metadata.action.clip) == ("residual_ff", 0.25, 100.0)
     assert metadata.action.needs_reference
     assert metadata.action.reference_lead == pytest.approx(1.0 + 5 / 4)
     assert metadata.clips[0].content_hash == clip.content_hash()

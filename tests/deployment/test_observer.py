@@ -61,19 +61,19 @@ def turning_clip(clip):
 
 
 @pytest.mark.parametrize(
-    ("form", "which"),
+    ("mode", "which"),
     [
-        ("reference", "turning_clip"),
-        ("reference_pose", "turning_clip"),
-        ("default_pose", "clip"),
-        ("joint_target", "turning_clip"),
+        ("residual_ff", "turning_clip"),
+        ("residual", "turning_clip"),
+        ("default_offset", "clip"),
+        ("absolute", "turning_clip"),
     ],
 )
 def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_resets(
-    exported, small_config, form, which, request
+    exported, small_config, mode, which, request
 ):
     clip = request.getfixturevalue(which)
-    config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(form=form, clip=0.8))
+    config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(mode=mode, clip=0.8))
     environment = ImitationEnvironment([clip], config, "cpu")
     policy = ExportedPolicy.load(exported)
     policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=action_rule(config)))
@@ -86,12 +86,12 @@ def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_
         outputs = np.float32(rng.normal(0.0, 0.7, (4, 12)))
         expected_targets = []
         for world, controller in enumerate(controllers):
-            own = controller.observer.observe(measured(environment, world), controller.last_output, controller.step)
+            own = controller.observer.observe(measured(environment, world), controller.last_action, controller.step)
             np.testing.assert_allclose(own, observation[world], atol=2e-5)
             expected_targets.append(controller.joint_target(outputs[world]))
-            controller.last_output = outputs[world]
+            controller.last_action = outputs[world]
             controller.step += 1
-        environment.output.assign(outputs)
+        environment.action.assign(outputs)
         environment.step()
         np.testing.assert_allclose(environment.motors.joint_target.numpy(), expected_targets, atol=1e-5)
         for world in np.flatnonzero(environment.episodes.done.numpy()):
@@ -122,7 +122,7 @@ def test_ten_cycles_of_the_reference_lead_where_the_clips_displacement_says(clip
     assert turned.phase(60.0 * 2.25 * turning_clip.period) == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("name", ["smell[t]", "joint_position[t+1]", "target_forward_h[t]", "joint_position"])
+@pytest.mark.parametrize("name", ["smell[t]", "joint_position[t+1]", "reference_forward_h[t]", "joint_position"])
 def test_a_row_that_is_not_known_is_refused(exported, name):
     metadata = ExportedPolicy.load(exported).metadata
     row = ObservationRow(name, 0, 12, "", "")

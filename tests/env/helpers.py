@@ -44,7 +44,7 @@ def drive(environment, steps, seed):
     rng = np.random.default_rng(seed)
     seen = []
     for _ in range(steps):
-        environment.output.assign(np.float32(rng.normal(0.0, 1.0, (environment.num_worlds, 12))))
+        environment.action.assign(np.float32(rng.normal(0.0, 1.0, (environment.num_worlds, 12))))
         environment.step()
         seen.append(snapshot(environment))
     return seen

@@ -6,8 +6,8 @@ import pytest
 from kine2go_warp.env.config import EnvConfig, MotorConfig, TerminationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout, observation_size
+from kine2go_warp.env.terms.base import with_term
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS
 from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2
 from tests.env.helpers import STILL, assert_same_bits, drive
@@ -25,9 +25,10 @@ def test_a_robot_on_its_reference_earns_the_maximum_for_64_headings(clip, small_
     environment = ImitationEnvironment([clip], config, "cpu", use_graph=False)
     assert np.ptp(environment.episodes.placement.heading.numpy()) > 5.0
     environment._evaluate()
-    expected = np.array(MAXIMUM_REWARDS) * config.reward.weights / config.control_rate
+    expected = np.array([term.maximum * term.weight for term in config.active_rewards]) / config.control_rate
     # Where the first frames dip below the floor the robot is lifted onto it, by a hair for this clip.
     np.testing.assert_allclose(environment.reward_terms.numpy(), np.tile(expected, (64, 1)), rtol=1e-3)
+    assert config.largest_reward == pytest.approx(np.sum(expected))
 
 
 def test_a_limp_robot_falls_and_begins_anew(standing_clip, small_config):
@@ -41,7 +42,7 @@ def test_a_limp_robot_falls_and_begins_anew(standing_clip, small_config):
 
 
 def test_limits_tighten_while_worlds_grow_older(standing_clip, small_config):
-    limits = TerminationConfig(0.01, 10.0, looseness=100.0, tightening_time=0.5)
+    limits = TerminationConfig(0.01, 10.0, initial_limit_scale=100.0, limit_anneal_time=0.5)
     config = replace(small_config, motor=MotorConfig(1e-3, 0.1), termination=limits, reset=STILL)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     failures = []
@@ -81,7 +82,7 @@ def test_the_layout_names_every_value_once():
 
 def test_the_paper_is_the_default():
     config = EnvConfig()
-    scales = np.array(config.reward.weights) / config.control_rate
+    scales = np.array([term.weight for term in config.active_rewards]) / config.control_rate
     np.testing.assert_allclose(scales, [0.008333, 0.000833, 0.003333, 0.0025, 0.001667], atol=1e-6)
     assert (config.num_worlds, config.episode_time, config.control_rate, config.substeps) == (8192, 20.0, 60.0, 4)
     assert (config.action.scale, config.action.clip, config.action.latency) == (0.25, 100.0, 0.02)
@@ -96,32 +97,46 @@ def test_impossible_settings_are_refused(changes):
         EnvConfig(**changes)
 
 
-def test_a_change_of_the_output_costs_what_is_asked_and_no_tracking_term_changes(clip, small_config, rng):
-    outputs = np.float32(rng.normal(0.0, 0.3, (3, small_config.num_worlds, 12)))
+def test_a_change_of_the_action_costs_what_is_asked_and_the_terms_add_up_to_the_reward(clip, small_config, rng):
+    actions = np.float32(rng.normal(0.0, 0.3, (3, small_config.num_worlds, 12)))
     found = []
-    for weight in (0.0, 0.02):
-        config = replace(small_config, reward=replace(small_config.reward, action_rate=weight))
+    for weight in (0.0, -0.02):
+        config = replace(small_config, rewards=with_term(small_config.rewards, "action_rate", weight=weight))
         environment = ImitationEnvironment([clip], config, "cpu")
-        for output in outputs:
-            environment.output.assign(output)
+        for action in actions:
+            environment.action.assign(action)
             environment.step()
         assert not environment.episodes.done.numpy().any()
         found.append((environment.reward.numpy().copy(), environment.reward_terms.numpy().copy()))
-    cost = 0.02 / config.control_rate * np.sum((outputs[2] - outputs[1]) ** 2, axis=1)
+    cost = 0.02 / config.control_rate * np.sum((actions[2] - actions[1]) ** 2, axis=1)
     np.testing.assert_allclose(found[0][0] - found[1][0], cost, rtol=1e-3)
-    np.testing.assert_array_equal(found[0][1], found[1][1])
+    np.testing.assert_array_equal(found[0][1], found[1][1][:, :5])
+    for reward, terms in found:
+        np.testing.assert_allclose(terms.sum(axis=1), reward, rtol=1e-5)
+
+
+def test_the_exponent_of_a_reward_is_a_setting(clip, small_config):
+    values = []
+    for exponent in (5.0, 10.0):
+        config = replace(small_config, rewards=with_term(small_config.rewards, "joint_position", exponent=exponent))
+        environment = ImitationEnvironment([clip], config, "cpu")
+        environment.step()
+        values.append(environment.reward_terms.numpy()[:, 0] * config.control_rate / 0.5)
+    # exp(-10 x) is the square of exp(-5 x).
+    np.testing.assert_allclose(values[1], values[0] ** 2, rtol=1e-4)
+    assert values[0].max() < 0.99
 
 
 def test_the_velocity_is_fed_forward_by_the_ratio_of_the_gains_or_not_at_all(clip, small_config):
     targets = {}
-    for form in ("reference", "reference_pose"):
-        config = replace(small_config, action=replace(small_config.action, form=form, latency=0.0), reset=STILL)
+    for mode in ("residual_ff", "residual"):
+        config = replace(small_config, action=replace(small_config.action, mode=mode, latency=0.0), reset=STILL)
         environment = ImitationEnvironment([clip], config, "cpu")
         environment.step()
-        targets[form] = environment.motors.joint_target.numpy().copy()
+        targets[mode] = environment.motors.joint_target.numpy().copy()
         reference, step = environment.reference, environment.reference.joint_velocity.numpy().copy()
     # After the step the reference is sampled where the targets, without latency, were taken from.
-    np.testing.assert_allclose(targets["reference_pose"], reference.joint_position.numpy(), atol=1e-5)
+    np.testing.assert_allclose(targets["residual"], reference.joint_position.numpy(), atol=1e-5)
     lead = config.motor.damping / config.motor.stiffness
-    np.testing.assert_allclose(targets["reference"] - targets["reference_pose"], lead * step, atol=1e-5)
+    np.testing.assert_allclose(targets["residual_ff"] - targets["residual"], lead * step, atol=1e-5)
     assert np.abs(step).max() > 1.0

@@ -27,7 +27,7 @@ def fall(environment, steps):
     """Drives the robots wildly until they fall; returns why episodes ended."""
     rng, reasons = np.random.default_rng(0), []
     for _ in range(steps):
-        environment.output.assign(np.float32(rng.normal(0.0, 6.0, (environment.num_worlds, 12))))
+        environment.action.assign(np.float32(rng.normal(0.0, 6.0, (environment.num_worlds, 12))))
         environment.step()
         reasons += environment.episodes.reason.numpy().tolist()
     return [REASON_NAMES[reason] for reason in reasons if reason]
@@ -51,7 +51,7 @@ def test_an_overflow_of_an_early_substep_is_noticed(clip, cramped):
     joint_qd[:], joint_qd[:, 2] = 0.0, 20.0
     environment.robot.joint_q.assign(joint_q)
     environment.robot.joint_qd.assign(joint_qd)
-    environment.output.assign(np.float32(joint_q[:, 7:] - GO2.default_joint_position) / 0.25)
+    environment.action.assign(np.float32(joint_q[:, 7:] - GO2.default_joint_position) / 0.25)
     environment.step()
     assert not (environment.simulation.data.overflow.numpy() & OVERFLOW_MASK).any(), "the last substep must have room"
     assert fault_counts(environment)["overflow"] == environment.num_worlds
@@ -83,7 +83,7 @@ def test_the_strict_stepper_saves_the_state_from_which_the_fault_follows(clip, c
 
     def step_until_it_stops():
         for _ in range(200):
-            environment.output.assign(np.float32(rng.normal(0.0, 6.0, (4, 12))))
+            environment.action.assign(np.float32(rng.normal(0.0, 6.0, (4, 12))))
             stepper.step()
 
     with pytest.raises(SimulationError, match=r"overflow in world \d of 4") as caught:
@@ -106,8 +106,8 @@ def test_a_world_restored_elsewhere_goes_on_bit_for_bit(clip, small_config, rng)
     taken.restore(alone)
     for _ in range(60):
         output = np.float32(rng.normal(0.0, 0.6, (config.num_worlds, 12)))
-        environment.output.assign(output)
-        alone.output.assign(output[which])
+        environment.action.assign(output)
+        alone.action.assign(output[which])
         environment.step()
         alone.step()
         one, other = environment.robot.joint_q.numpy()[5], alone.robot.joint_q.numpy()[0]

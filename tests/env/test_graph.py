@@ -85,8 +85,8 @@ def test_each_world_lives_by_its_own_seed_however_many_there_are(clip, small_con
     rng = np.random.default_rng(0)
     for _ in range(20):
         output = np.float32(rng.normal(0.0, 1.0, (config.num_worlds, 12)))
-        many.output.assign(output)
-        few.output.assign(output[2:5])
+        many.action.assign(output)
+        few.action.assign(output[2:5])
         many.step()
         few.step()
     one, other = snapshot(many), snapshot(few)

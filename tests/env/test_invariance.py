@@ -32,7 +32,7 @@ def test_turning_and_moving_world_and_reference_together_changes_neither_reward_
     config = replace(small_config, num_worlds=64, history_length=1, privileged=True)
     environment = ImitationEnvironment([clip], config, "cpu", use_graph=False)
     for _ in range(10):
-        environment.output.assign(np.float32(rng.normal(0.0, 0.4, (64, 12))))
+        environment.action.assign(np.float32(rng.normal(0.0, 0.4, (64, 12))))
         environment.step()
     environment._evaluate()
     environment.episodes.done.zero_()

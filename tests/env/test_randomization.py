@@ -5,8 +5,8 @@ import pytest
 
 from kine2go_warp.env.config import RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.randomization import DRAWN_QUANTITIES
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from tests.env.helpers import EVERYTHING, STILL, drive
 
 
@@ -16,8 +16,8 @@ def drawn_environment(clip, small_config):
 
 
 def test_everything_is_drawn_within_its_range_and_recorded(drawn_environment):
-    drawn = drawn_environment.randomization.drawn()
-    assert set(drawn) == {quantity.name for quantity in DRAWN_QUANTITIES}
+    drawn = drawn_environment.randomization.parameters()
+    assert set(drawn) == {parameter.name for parameter in RANDOMIZED_PARAMETERS}
     motor = drawn_environment.config.motor
     nominal = {"stiffness": motor.stiffness, "damping": motor.damping}
     for name, values in drawn.items():
@@ -31,7 +31,7 @@ def test_everything_is_drawn_within_its_range_and_recorded(drawn_environment):
 
 
 def test_what_is_drawn_reaches_the_solver(drawn_environment):
-    simulation, drawn = drawn_environment.simulation, drawn_environment.randomization.drawn()
+    simulation, drawn = drawn_environment.simulation, drawn_environment.randomization.parameters()
     solver = simulation.solver.mjw_model
     mass = solver.body_mass.numpy()[:, 1]
     np.testing.assert_allclose(
@@ -46,7 +46,7 @@ def test_what_is_drawn_reaches_the_solver(drawn_environment):
 
 
 def test_an_empty_range_leaves_everything_as_it_is(clip, small_config):
-    drawn = ImitationEnvironment([clip], small_config, "cpu").randomization.drawn()
+    drawn = ImitationEnvironment([clip], small_config, "cpu").randomization.parameters()
     for name, value in (("base_mass", 0.0), ("base_com", 0.0), ("strength", 1.0), ("motor_offset", 0.0)):
         np.testing.assert_array_equal(drawn[name], np.full_like(drawn[name], value))
     np.testing.assert_allclose(drawn["stiffness"], small_config.motor.stiffness)
@@ -69,7 +69,7 @@ def test_heavier_robots_press_harder_on_the_ground(standing_clip, small_config):
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     for _ in range(120):
         environment.step()
-    weight = environment.simulation.robot_weight + 9.81 * environment.randomization.drawn()["base_mass"]
+    weight = environment.simulation.robot_weight + 9.81 * environment.randomization.parameters()["base_mass"]
     np.testing.assert_allclose(environment.simulation.foot_force.numpy()[..., 2].sum(axis=1), weight, rtol=0.01)
 
 

@@ -63,7 +63,7 @@ def test_later_episodes_are_drawn_as_ever(rollouts):
     rollouts.run(0)
     environment.episodes.done.fill_(1)
     with wp.ScopedDevice("cpu"):
-        environment._begin_episodes()
+        environment._reset_worlds()
     assert not np.isin(environment.episodes.placement.start_phase.numpy(), SMALL.start_phases()).any()
 
 
@@ -92,7 +92,7 @@ def test_randomised_worlds_differ_and_robots_are_pushed(policy, clip):
     config = EvalConfig(worlds=6, seconds=6.0, max_distance=9.0, randomization="robust")
     assert config.environment(record.preset.env, True, 6).randomization == RANDOMIZATIONS["robust"]
     with NewtonRollouts(policy, record, (clip,), config, (0.0,), True, "cpu") as newton:
-        drawn = newton.environment.randomization.drawn()
+        drawn = newton.environment.randomization.parameters()
         push = newton.run(0).rows(np.arange(6))["push"]
     assert np.ptp(drawn["base_mass"]) > 0.1
     assert np.ptp(drawn["stiffness"]) > 1.0

@@ -12,11 +12,11 @@ from kine2go_warp.dataset.torch_windows import WindowLoader
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.replay import environment_config
+from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
 TINY = ("--batches", "20", "--batch-size", "64", "--hidden-layers", "32", "--worlds", "4", "--duration", "0.5")
@@ -35,7 +35,7 @@ def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(pol
     assert gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu").accepted == 4
     dataset = open_dataset(tmp_path / "dataset.zarr")
     settings = environment_config(dataset.motion("dog_trot").attributes, "")
-    action = ActionConfig("default_pose", GO2.action_scale, latency=settings.action.latency)
+    action = ActionConfig("default_offset", GO2.action_scale, latency=settings.action.latency)
     settings = replace(settings, action=action, history_length=HISTORY, steps_ahead=AHEAD)
     environment = ImitationEnvironment([clip], settings, "cpu")
 
@@ -46,7 +46,7 @@ def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(pol
         if row >= NOW:
             seen = observe({name: values[:, row - NOW : row - NOW + WINDOW] for name, values in rows.items()})
             np.testing.assert_allclose(seen, environment.observation.numpy(), atol=1e-4, err_msg=f"row {row}")
-        environment.output.assign(rows["action"][:, row].numpy())
+        environment.action.assign(rows["action"][:, row].numpy())
         environment.step()
 
 

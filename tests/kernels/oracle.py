@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.kernels.reference import ReferenceState
 from kine2go_warp.kernels.state import RobotState
+from kine2go_warp.kernels.world import WorldView
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
@@ -89,6 +90,14 @@ def upload_reference(states: States) -> ReferenceState:
     reference.joint_position.assign(states.joint.astype(np.float32))
     reference.joint_velocity.assign(states.joint_speed.astype(np.float32))
     return reference
+
+
+def world_view(**parts) -> WorldView:
+    """What terms read, of which some parts are there."""
+    view = WorldView()
+    for name, value in parts.items():
+        setattr(view, name, value)
+    return view
 
 
 def paper_rewards(robot: States, reference: States) -> Array:

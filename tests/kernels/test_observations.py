@@ -3,12 +3,14 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.env.clips import make_placement, upload_clips
-from kine2go_warp.env.observations import privileged_layout
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.observations import place_privileged
+from kine2go_warp.env.terms.observations import OBSERVATIONS, PRIVILEGED_OBSERVATIONS, REFERENCE_OBSERVATIONS
 from kine2go_warp.kernels import observations
 from kine2go_warp.kernels.actuation import MotorModel
-from kine2go_warp.kernels.randomization import BaseBody
+from kine2go_warp.kernels.world import BaseBody
 from kine2go_warp.robots import GO2
-from tests.kernels.oracle import States, random_states, reference_at, upload_robot
+from tests.kernels.oracle import States, random_states, reference_at, upload_robot, world_view
 
 COM = np.array([0.0212, 0.0, -0.0054])
 DEFAULT = np.array(GO2.default_joint_position)
@@ -19,25 +21,38 @@ def array(values, dtype=float):
     return wp.array(np.asarray(values), dtype=dtype, device="cpu")
 
 
-def observe_state(states, output):
-    count = len(states.position)
-    observation = wp.zeros((count, 45), dtype=float, device="cpu")
-    inputs = [upload_robot(states, COM), array(np.float32(output)), array(np.float32(DEFAULT)), observation]
-    wp.launch(observations.observe_state, dim=count, inputs=inputs, device="cpu")
-    return observation.numpy()
+def observed(terms, view, count):
+    """What the terms write, one beside the other."""
+    out = wp.zeros((count, sum(term.size for term in terms)), dtype=float, device="cpu")
+    column = 0
+    with wp.ScopedDevice("cpu"):
+        for term in terms:
+            term.launch(view, out, column)
+            column += term.size
+    return out.numpy()
 
 
-def observe_targets(states, clip, phase, heading, origin, step):
+def observe_state(states, action):
+    robot, default = upload_robot(states, COM), array(np.float32(DEFAULT))
+    view = world_view(robot=robot, last_action=array(np.float32(action)), default_position=default)
+    return observed(OBSERVATIONS, view, len(states.position))
+
+
+def observe_references(states, clip, phase, heading, origin, step):
     count, device = len(states.position), wp.get_device("cpu")
     placement = make_placement(count, device)
     placement.start_phase.assign(np.float32(phase))
     placement.heading.assign(np.float32(heading))
     placement.origin.assign(np.float32(origin))
-    observation = wp.zeros((count, 84), dtype=float, device=device)
-    inputs = [upload_robot(states, COM), upload_clips([clip], 1.0 / 60.0, device), placement, array(step, int)]
-    inputs += [array(AHEAD, int), array(np.float32(DEFAULT)), 0, observation]
-    wp.launch(observations.observe_targets, dim=(count, 4), inputs=inputs, device=device)
-    return observation.numpy()
+    parts = {
+        "robot": upload_robot(states, COM),
+        "clips": upload_clips([clip], 1.0 / 60.0, device),
+        "placement": placement,
+        "reference_step": array(step, int),
+        "default_position": array(np.float32(DEFAULT)),
+    }
+    blocks = [observed(REFERENCE_OBSERVATIONS, world_view(ahead=ahead, **parts), count) for ahead in AHEAD]
+    return np.concatenate(blocks, axis=1)
 
 
 def test_state_agrees_with_numpy(rng):
@@ -56,12 +71,12 @@ def test_state_agrees_with_numpy(rng):
     np.testing.assert_allclose(observe_state(states, output), expected, rtol=1e-5, atol=1e-5)
 
 
-def test_targets_agree_with_numpy(clip, rng):
+def test_references_agree_with_numpy(clip, rng):
     count = 60
     states = random_states(rng, count)
     phase, heading = np.float32(rng.uniform(0.0, 1.0, count)), np.float32(rng.uniform(-np.pi, np.pi, count))
     origin, step = np.float32(rng.normal(0.0, 1.0, (count, 2))), rng.integers(0, 100, count)
-    found = observe_targets(states, clip, phase, heading, origin, step).reshape(count, 4, 21)
+    found = observe_references(states, clip, phase, heading, origin, step).reshape(count, 4, 21)
     for world in range(count):
         for target, ahead in enumerate(AHEAD):
             frame = float(phase[world]) * clip.num_frames + step[world] + ahead
@@ -99,20 +114,20 @@ def test_turning_and_moving_world_and_reference_together_changes_nothing(clip, r
     output = np.zeros((count, 12))
     np.testing.assert_allclose(observe_state(moved, output), observe_state(states, output), atol=2e-5)
     zeros = np.zeros((count, 2))
-    here = observe_targets(states, clip, phase, np.zeros(count), zeros, step)
-    there = observe_targets(moved, clip, phase, np.full(count, turn), zeros + shift, step)
+    here = observe_references(states, clip, phase, np.zeros(count), zeros, step)
+    there = observe_references(moved, clip, phase, np.full(count, turn), zeros + shift, step)
     np.testing.assert_allclose(there, here, atol=2e-5)
 
 
 def test_history_moves_back_and_is_filled_when_an_episode_begins():
     observation = array(np.zeros((2, 3 * 45), dtype=np.float32))
     for value in (1.0, 2.0, 3.0):
-        wp.launch(observations.shift_history, dim=(2, 45), inputs=[observation, 3], device="cpu")
+        wp.launch(observations.shift_history, dim=(2, 45), inputs=[observation, 3, 45], device="cpu")
         filled = observation.numpy()
         filled[:, :45] = value
         observation.assign(filled)
         done = array([0, int(value == 3.0)], wp.int64)
-        wp.launch(observations.fill_history, dim=(2, 45), inputs=[done, observation, 3], device="cpu")
+        wp.launch(observations.fill_history, dim=(2, 45), inputs=[done, observation, 3, 45], device="cpu")
     newest_first = observation.numpy().reshape(2, 3, 45)[:, :, 0]
     np.testing.assert_array_equal(newest_first, [[3.0, 2.0, 1.0], [3.0, 3.0, 3.0]])
 
@@ -133,11 +148,18 @@ def test_privileged_observations_agree_with_numpy(rng):
     base.nominal_mass, base.nominal_com = 7.0, wp.vec3(0.02, 0.0, -0.01)
     base.mass, base.com = array(7.0 + mass), array(com + np.float32([0.02, 0.0, -0.01]), wp.vec3)
     friction = np.float32(rng.uniform(0.4, 1.2, count))
-    out = wp.zeros((count, 73), dtype=float, device="cpu")
-    placement = make_placement(count, wp.get_device("cpu"))
-    robot, shown = upload_robot(states, COM), array(force, wp.vec3)
-    inputs = [robot, placement, shown, motors, base, array(friction), 60.0, 2.0, 150.0, out]
-    wp.launch(observations.observe_privileged, dim=count, inputs=inputs, device="cpu")
+    view = world_view(
+        robot=upload_robot(states, COM),
+        placement=make_placement(count, wp.get_device("cpu")),
+        foot_force=array(force, wp.vec3),
+        motors=motors,
+        base=base,
+        friction=array(friction),
+        nominal_stiffness=60.0,
+        nominal_damping=2.0,
+        robot_weight=150.0,
+    )
+    out = observed(PRIVILEGED_OBSERVATIONS, view, count)
     level = Rotation.from_euler("z", -states.yaw[:, None])
     expected = {
         "root_height": states.position[:, 2:],
@@ -153,6 +175,6 @@ def test_privileged_observations_agree_with_numpy(rng):
         "motor_offset": factors[3],
         "latency": delay[:, None],
     }
-    for field in privileged_layout():
-        found = out.numpy()[:, field.start : field.stop]
-        np.testing.assert_allclose(found, expected[field.name], rtol=1e-5, atol=5e-6, err_msg=field.name)
+    for placed in place_privileged(EnvConfig()):
+        found = out[:, placed.field.start : placed.field.stop]
+        np.testing.assert_allclose(found, expected[placed.term.name], rtol=1e-5, atol=5e-6, err_msg=placed.term.name)

@@ -71,7 +71,7 @@ def test_no_foot_starts_below_the_floor_and_no_joint_beyond_its_limits(clip, sma
 def test_only_worlds_that_are_done_begin_anew(still):
     before = still.robot.joint_q.numpy().copy()
     still.episodes.done.assign(np.arange(64) % 2)
-    still._begin_episodes()
+    still._reset_worlds()
     changed = np.any(still.robot.joint_q.numpy() != before, axis=1)
     np.testing.assert_array_equal(changed, np.arange(64) % 2 == 1)
 
@@ -95,5 +95,5 @@ def test_some_episodes_begin_standing_where_the_reference_is(clip, small_config)
 def test_a_new_episode_begins_without_the_forces_of_the_last(still):
     still.simulation.foot_force.fill_(7.0)
     still.episodes.done.fill_(1)
-    still._begin_episodes()
+    still._reset_worlds()
     assert not still.simulation.foot_force.numpy().any()

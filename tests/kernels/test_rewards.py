@@ -1,21 +1,30 @@
 import numpy as np
+import pytest
 import warp as wp
 
 from kine2go_warp.env.model import leg_geometry
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS, REWARD_TERMS, tracking_rewards
+from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.rewards import REWARDS
+from kine2go_warp.kernels.rewards import sum_rewards
 from kine2go_warp.robots import GO2
-from tests.kernels.oracle import near, paper_rewards, random_states, upload_reference, upload_robot
+from tests.kernels.oracle import near, paper_rewards, random_states, upload_reference, upload_robot, world_view
 
 COM = np.array([0.0212, 0.001, -0.0054])
+TRACKING = REWARDS[:5]
+MAXIMA = [term.maximum for term in TRACKING]
 
 
-def kernel_rewards(robot, reference, weights):
+def kernel_rewards(robot, reference, weights, tracking=TRACKING):
     count = len(robot.position)
-    terms = wp.zeros((count, len(REWARD_TERMS)), dtype=float, device="cpu")
+    terms = wp.zeros((count, len(tracking)), dtype=float, device="cpu")
     total = wp.zeros(count, dtype=float, device="cpu")
-    inputs = [upload_robot(robot, COM), upload_reference(reference), leg_geometry(GO2, wp.get_device("cpu"))]
-    inputs += [wp.array(np.float32(weights), device="cpu"), terms, total]
-    wp.launch(tracking_rewards, dim=count, inputs=inputs, device="cpu")
+    geometry = leg_geometry(GO2, wp.get_device("cpu"))
+    view = world_view(robot=upload_robot(robot, COM), reference=upload_reference(reference), geometry=geometry)
+    with wp.ScopedDevice("cpu"):
+        for column, term in enumerate(tracking):
+            term.launch(view, terms, column)
+        inputs = [view.robot, wp.array(np.float32(weights)), terms, total]
+        wp.launch(sum_rewards, dim=count, inputs=inputs)
     return terms.numpy(), total.numpy()
 
 
@@ -34,7 +43,7 @@ def test_every_term_agrees_with_the_papers_equations(rng):
 def test_the_reference_itself_earns_the_maximum(rng):
     reference = random_states(rng, 64)
     terms, _ = kernel_rewards(reference, reference, np.ones(5))
-    np.testing.assert_allclose(terms, np.tile(MAXIMUM_REWARDS, (64, 1)), rtol=1e-5)
+    np.testing.assert_allclose(terms, np.tile(MAXIMA, (64, 1)), rtol=1e-5)
 
 
 def test_the_sign_of_a_quaternion_changes_nothing(rng):
@@ -54,3 +63,28 @@ def test_a_state_that_is_not_finite_earns_nothing(rng):
     assert total[0] > 0.0
     np.testing.assert_array_equal(total[1:], 0.0)
     np.testing.assert_array_equal(terms[1:], 0.0)
+
+
+def test_exponents_are_settings(rng):
+    reference = random_states(rng, 100)
+    robot = near(rng, reference, 0.05)
+    changed = with_term(TRACKING, "root_pose", position_exponent=5.0, angle_exponent=1.0)
+    distance = np.sum((robot.position - reference.position) ** 2, axis=1)
+    angle = (robot.rotation * reference.rotation.inv()).magnitude()
+    expected = np.exp(-5.0 * distance) + np.exp(-(angle**2))
+    terms, _ = kernel_rewards(robot, reference, np.ones(5), changed)
+    np.testing.assert_allclose(terms[:, 3], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("penalty", [-0.25, 0.25])
+def test_a_penalty_is_a_term_of_the_sum(rng, penalty):
+    states = random_states(rng, 50)
+    action, last = np.float32(rng.normal(size=(2, 50, 12)))
+    terms = wp.zeros((50, 1), dtype=float, device="cpu")
+    total = wp.zeros(50, dtype=float, device="cpu")
+    view = world_view(action=wp.array(action, device="cpu"), last_action=wp.array(last, device="cpu"))
+    with wp.ScopedDevice("cpu"):
+        REWARDS[5].launch(view, terms, 0)
+        weights = wp.array([penalty], dtype=float)
+        wp.launch(sum_rewards, dim=50, inputs=[upload_robot(states, COM), weights, terms, total])
+    np.testing.assert_allclose(total.numpy(), penalty * np.sum((action - last) ** 2, axis=1), rtol=1e-5)

@@ -32,12 +32,11 @@ def test_the_paper_preset_is_the_papers_table():
     assert {key: algorithm[key] for key in expected} == expected
     env = PAPER.env
     assert (env.num_worlds, env.seed, env.control_rate, env.substeps, env.episode_time) == (8192, 1, 60.0, 4, 20.0)
-    assert env.action == ActionConfig(form="default_pose", scale=0.25, clip=100.0, latency=0.02)
+    assert env.action == ActionConfig(mode="default_offset", scale=0.25, clip=100.0, latency=0.02)
     assert env.history_length == 3
-    np.testing.assert_allclose(
-        np.array(env.reward.weights) / 60.0, [0.008333, 0.000833, 0.003333, 0.0025, 0.001667], atol=5e-7
-    )
-    assert env.reward.action_rate == 0.0
+    weights = [term.weight for term in env.active_rewards]
+    np.testing.assert_allclose(np.array(weights) / 60.0, [0.008333, 0.000833, 0.003333, 0.0025, 0.001667], atol=5e-7)
+    assert "action_rate" not in env.reward_names
     assert not PAPER.ppo.symmetry
     assert (env.reset.reference_probability, env.reset.joint_position) == (0.9, 0.3)
     assert (env.termination.max_distance, env.termination.max_angle) == (1.0, 1.5708)
@@ -55,7 +54,7 @@ def test_settings_survive_the_way_through_a_file(preset):
     [
         ({"env": {"worlds": 3}}, "unknown key.*worlds"),
         ({"env": {"num_worlds": "many"}}, "env.num_worlds"),
-        ({"env": {"action": {"form": "torque"}}}, "env.action.form"),
+        ({"env": {"action": {"mode": "torque"}}}, "env.action.mode"),
         ({"ppo": {"hidden_dims": [64, "x"]}}, "ppo.hidden_dims"),
     ],
 )
@@ -76,7 +75,7 @@ def test_fast_takes_more_worlds_on_a_gpu_and_overrides_win():
     assert PAPER.on("cpu").env.num_worlds == PAPER.on("cuda:0").env.num_worlds == 8192
     resolved = FAST.override({"env.num_worlds": 7, "ppo.iterations": 2, "env.seed": 9}).on("cuda:0")
     assert (resolved.env.num_worlds, resolved.ppo.iterations, resolved.env.seed) == (7, 2, 9)
-    np.testing.assert_equal(resolved.env.reward, FAST.env.reward)
+    np.testing.assert_equal(resolved.env.rewards, FAST.env.rewards)
 
 
 def test_an_unknown_preset_is_named():

@@ -9,9 +9,9 @@ from tensordict import TensorDict
 
 from kine2go_warp.env.config import ResetConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.observations import observation_layout, privileged_layout
+from kine2go_warp.env.observations import place_privileged, place_terms
 from kine2go_warp.learning.presets import PRESETS
-from kine2go_warp.learning.symmetry import Mirrored, mirrored_output, with_mirrored
+from kine2go_warp.learning.symmetry import Mirrored, mirrored_action, with_mirrored
 from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.motions.catalogue import motion_named
@@ -26,7 +26,7 @@ EXACTLY_ON_THE_REFERENCE = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def mirror_clip(clip):
     """The clip left for right."""
     cycle = replace(clip.cycle, y=-clip.cycle.y, yaw=-clip.cycle.yaw)
-    joints = mirrored_output(torch.from_numpy(clip.joint_position)).numpy()
+    joints = mirrored_action(torch.from_numpy(clip.joint_position)).numpy()
     return assemble_clip(
         clip.name,
         clip.frame_duration,
@@ -57,14 +57,14 @@ def pair(turning_clip, small_config):
 
 def test_a_mirrored_robot_sees_and_earns_the_mirror_image_also_after_steps(pair, rng):
     ours, theirs = pair
-    mirror = Mirrored.of(observation_layout(ours.config))
-    critic_mirror = Mirrored.of(privileged_layout())
+    mirror = Mirrored.of(place_terms(ours.config))
+    critic_mirror = Mirrored.of(place_privileged(ours.config))
     seen, images = ours.get_observations(), theirs.get_observations()
     torch.testing.assert_close(mirror(seen["policy"]), images["policy"], rtol=0.0, atol=2e-5)
     for _ in range(6):
         outputs = torch.from_numpy(np.float32(rng.normal(0.0, 0.3, (32, 12))))
         seen, reward, *_ = ours.step(outputs)
-        images, their_reward, *_ = theirs.step(mirrored_output(outputs))
+        images, their_reward, *_ = theirs.step(mirrored_action(outputs))
     # The robot's own inertias are not quite symmetric, so the worlds part in time, but slowly.
     difference = (mirror(seen["policy"]) - images["policy"]).abs()
     assert difference.median() < 2e-3
@@ -77,9 +77,9 @@ def test_a_mirrored_robot_sees_and_earns_the_mirror_image_also_after_steps(pair,
 
 def test_mirroring_twice_changes_nothing(pair):
     env = pair[0]
-    for layout in (observation_layout(env.config), privileged_layout()):
+    for layout in (place_terms(env.config), place_privileged(env.config)):
         mirror = Mirrored.of(layout)
-        values = torch.arange(1.0, layout[-1].stop + 1.0)
+        values = torch.arange(1.0, layout[-1].field.stop + 1.0)
         assert torch.equal(mirror(mirror(values)), values)
         assert not torch.equal(mirror(values), values)
 
@@ -93,13 +93,13 @@ def test_mirrored_samples_follow_the_others_as_rsl_rl_expects(pair):
     assert both.batch_size[0] == 64
     assert torch.equal(both["policy"][:32], seen["policy"])
     assert torch.equal(both_outputs[:32], outputs)
-    assert torch.equal(both_outputs[32:], mirrored_output(outputs))
+    assert torch.equal(both_outputs[32:], mirrored_action(outputs))
     assert with_mirrored(env, None, outputs)[0] is None
 
 
 def test_the_joints_are_named_in_the_order_that_is_swapped():
     names = np.array(GO2.joint_names)
-    swapped = mirrored_output(torch.arange(12.0) + 1.0).abs().int().numpy() - 1
+    swapped = mirrored_action(torch.arange(12.0) + 1.0).abs().int().numpy() - 1
     sides = str.maketrans("LR", "RL")
     assert [
         name[:2].translate(sides) + name[2:] if name[0] != "R" else "R" + name[1].translate(sides) + name[2:]

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.kernels.rewards import REWARD_TERMS
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
@@ -84,11 +83,11 @@ def test_a_watched_training_ends_with_the_same_policy(clip, tmp_path, processes)
     assert [iteration for _, iteration, _ in eyes.iterations] == [1, 2, 3]
     assert [time for time, _, _ in eyes.iterations] == pytest.approx([0.4, 0.8, 1.2])
     curves = eyes.iterations[-1][2]
-    assert {f"reward/{term}" for term in REWARD_TERMS} < set(curves)
+    assert {f"reward/{term}" for term in FAST.env.reward_names} < set(curves)
     assert 0.0 < curves["error/joint_rmse"] < 2.0
     assert 0.0 < curves["error/root_distance"] < 2.0
     # In the first steps after a reset no term is far from what a perfect robot earns, or negative.
-    assert all(0.0 < curves[f"reward/{term}"] < 0.02 for term in REWARD_TERMS)
+    assert all(0.0 < curves[f"reward/{term}"] < 0.02 for term in FAST.env.reward_names)
 
 
 def test_with_several_processes_the_first_worlds_are_seen(clip, small_config):

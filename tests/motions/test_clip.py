@@ -7,9 +7,9 @@ import pytest
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.cycle import extend_cyclically
-from kine2go_warp.motions.rotations import heading, to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import heading, to_rotation
 
 
 def test_the_bundled_clip_is_one_clean_stride(clip):

@@ -10,7 +10,7 @@ from kine2go_warp.motions.cycle import (
     seam_weights,
     with_extrapolated_frame,
 )
-from kine2go_warp.motions.rotations import from_rotation, heading, to_rotation, yaw_rotation
+from kine2go_warp.rotations import from_rotation, heading, to_rotation, yaw_rotation
 
 
 def walk_on_a_circle(num_frames, turn=0.8, seam=0.0):

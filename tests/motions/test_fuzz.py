@@ -29,7 +29,7 @@ def damage(draw, text):
 
 def read_or_refuse(source, path):
     try:
-        motion = source.read(path)
+        motion = source.load(path)
     except ClipError as error:
         assert path.name.split(":")[0] in str(error)  # noqa: PT017 - either outcome is right
     else:

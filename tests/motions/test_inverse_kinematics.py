@@ -3,10 +3,10 @@ import time
 import numpy as np
 import pytest
 
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.motions.targets import PoseTargets
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 
 
 def targets_of(joints, height=0.3, yaw=0.3):

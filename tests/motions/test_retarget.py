@@ -15,10 +15,12 @@ from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, 
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.quality import assess, clip_faults, clip_remarks
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import to_rotation
 from tests.motions.test_solo8 import trot as solo_trot
+from tests.motions.test_vhdc import horse
+from tests.motions.test_vhdc import write as write_horse
 
 KEEP_RANGE = RetargetConfig(search_frames=0)
 
@@ -227,7 +229,15 @@ def assess_example():
     )
 
 
-def test_a_rate_that_is_not_the_catalogues_is_refused(solver, tmp_path):
-    write_ai4animation(generate(DogGait(), 181).points, tmp_path / "dog.txt")
+def test_a_rate_that_is_not_the_files_own_is_refused(solver, tmp_path):
+    write_horse(tmp_path / "horse.csv", *horse())
     with pytest.raises(ClipError, match=r"runs at 60\.0 Hz, but the catalogue says 120 Hz"):
-        retarget(entry_of("dog.txt", rate=120.0), tmp_path, solver, KEEP_RANGE)
+        retarget(entry_of("horse.csv", rate=120.0, source="vhdc"), tmp_path, solver, KEEP_RANGE)
+
+
+def test_the_rate_of_a_text_file_is_the_catalogues(solver, tmp_path):
+    """Case rate-of-a-text-file: a trot at 30 Hz lasts as long as one at 60 Hz."""
+    write_ai4animation(generate(DogGait(rate=30.0, stride_frames=15), 60).points, tmp_path / "dog.txt")
+    quality = assess(retarget(entry_of("dog.txt", 15, 30, rate=30.0), tmp_path, solver, KEEP_RANGE), GO2)
+    assert quality.period == pytest.approx(0.5)
+    assert quality.speed == pytest.approx(0.825 * DogGait().speed, rel=0.02)

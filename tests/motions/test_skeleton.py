@@ -11,8 +11,8 @@ from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.keypoints import KEYPOINTS
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import turn_planar
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import turn_planar
 
 REAL = ("dog_trot", "ai4_dog_trot_00", "vhdc_horse1_s1_walk_01")
 
@@ -23,7 +23,7 @@ def made(request, solver):
     entry = motion_named(request.param)
     folder = None if entry.bundled else request.getfixturevalue("data_folder")
     clip = retarget(entry, folder, solver, RetargetConfig()).clip
-    motion = entry.motion_source.read(entry.path(folder))
+    motion = entry.motion_source.load(entry.path(folder))
     return clip, motion.scaled(entry.motion_source.scale).frames(clip.origin.start, clip.origin.end)
 
 

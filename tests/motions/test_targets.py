@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.generator import DogGait, generate
 from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
-from kine2go_warp.motions.rotations import heading, to_rotation
 from kine2go_warp.motions.sources import AI4Animation
 from kine2go_warp.motions.sources.ai4animation import COLUMN_OF_KEYPOINT
 from kine2go_warp.motions.targets import pose_targets
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import heading, to_rotation
 
 SOURCE = AI4Animation()
 

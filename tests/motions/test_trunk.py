@@ -10,9 +10,9 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.hops import Hop, generate_hops, write_solo8
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.motions.sources import SOURCES, MotionSource, Solo8
 from kine2go_warp.robots import GO2
+from kine2go_warp.rotations import to_rotation
 from tests.motions.test_vhdc import horse, write
 
 CASES = ("dog_trot", "made_up_horse", "hops")
@@ -38,7 +38,7 @@ def made(request, solver, tmp_path_factory):
             folder = None if entry.bundled else request.getfixturevalue("data_folder")
     source = entry.motion_source
     clip = retarget(entry, folder, solver, RetargetConfig()).clip
-    return source, clip, source.read(entry.path(folder)).scaled(source.scale)
+    return source, clip, source.load(entry.path(folder), entry.rate).scaled(source.scale)
 
 
 def test_every_source_is_tested():

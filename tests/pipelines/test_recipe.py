@@ -20,7 +20,9 @@ def test_the_recipes_of_the_paper_hold_its_motions():
     papers = {name for name, entry in catalogue.items() if not entry.bundled}
     assert set(load_recipe(Path("kine2go")).motions) == papers
     assert len(papers) == 40
-    assert set(load_recipe(Path("sample")).motions) == {name for name in papers if catalogue[name].sample}
+    sample = {name for name in papers if catalogue[name].sample}
+    # Its reference is no jump but a second ellipse walk.
+    assert set(load_recipe(Path("sample")).motions) == sample - {"ai4_dog_synth_half_flip_jump"}
 
 
 def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():

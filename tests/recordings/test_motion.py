@@ -12,6 +12,7 @@ import pytest
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import motion_layout
 from kine2go_warp.recordings.motion import Style, most_doubtful, record_motion
 from kine2go_warp.recordings.pushes import SHOWN_ROWS, log_pushes
@@ -19,7 +20,6 @@ from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.stream import Columns, recording_file
 from kine2go_warp.recordings.summary import pushes_text
 from kine2go_warp.recordings.trajectory import (
-    CONTACT_FORCE,
     FORCE_SCALE,
     STEPS_AHEAD,
     entity_of,

@@ -8,8 +8,8 @@ import pytest
 import xarray
 import zarr
 
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.checks.run import check_dataset
-from kine2go_warp.dataset.reader import read_motion
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
@@ -26,7 +26,7 @@ EVERYTHING = GatherConfig(trajectories=24, num_worlds=4, rows=24, warm_up=0.1, b
 def everything(policy, tmp_path_factory):
     path = tmp_path_factory.mktemp("campaign") / "everything" / "dataset.zarr"
     gather(policy, DatasetWriter(path, GO2), EVERYTHING, "cpu")
-    return read_motion(path, "dog_trot").trajectories
+    return open_dataset(path, include_rejected=True).load("dog_trot").trajectories
 
 
 @pytest.fixture(scope="module")
@@ -125,5 +125,5 @@ def test_two_runs_with_one_seed_write_the_same_bits(policy, strict, with_rejecte
 def test_another_seed_gives_other_rollouts(policy, everything, tmp_path):
     config = replace(EVERYTHING, trajectories=4, seed=2)
     gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
-    other = read_motion(tmp_path / "dataset.zarr", "dog_trot").trajectories
+    other = open_dataset(tmp_path / "dataset.zarr", include_rejected=True).load("dog_trot").trajectories
     assert not set(other.draws["seed"].tolist()) & set(everything.draws["seed"].tolist())

@@ -6,15 +6,15 @@ import pytest
 import zarr
 
 from kine2go_warp.cli.main import main
-from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder
-from kine2go_warp.motions.rotations import to_rotation
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather, with_rows
+from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
 LOOSE = GatherConfig(trajectories=6, rows=40, noise=(1.0, 1.0), **ANYTHING_GOES)
@@ -30,7 +30,7 @@ def dataset(policy, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def data(dataset):
-    return read_motion(dataset, "dog_trot")
+    return open_dataset(dataset, include_rejected=True).load("dog_trot")
 
 
 def test_rows_have_the_length_asked_for_after_the_trim(data):
@@ -183,7 +183,7 @@ def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, stand
     assert DatasetWriter(Path(store), GO2).motions() == ["standing"]
     assert main(gathering) == 0
     for one in (clip, standing_clip):
-        rows = read_motion(Path(store), one.name).trajectories.rows
+        rows = open_dataset(Path(store), include_rejected=True).load(one.name).trajectories.rows
         lowest, highest = one.joint_position.min(axis=0), one.joint_position.max(axis=0)
         reference = rows["reference_joint_position"]
         assert np.all((reference >= lowest - 1e-5) & (reference <= highest + 1e-5)), one.name

@@ -5,9 +5,10 @@ import pytest
 
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.quality import BORDERLINE, LIMITS, judge
+from kine2go_warp.rollouts.quality import BORDERLINE, judge
 
 ROWS, FRAME = 20, 1.0 / 60.0
 CONFIG = GatherConfig()
@@ -124,7 +125,7 @@ def test_each_limit_rejects_for_its_own_reason_and_no_other_rollout(reason):
     spoil(rows, 1)
     verdict = judged(rows)
     assert verdict.reasons == ("", reason, "")
-    name, setting = next((name, setting) for name, setting, why in LIMITS if why == reason)
+    name, setting = next((one.name, one.setting) for one in FILTER_METRICS if one.reason == reason)
     assert verdict.quality[name][1] == pytest.approx(expected, rel=1e-4)
     assert verdict.quality["limit_share"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
 
@@ -138,7 +139,7 @@ def test_of_several_faults_the_first_in_order_counts(first):
 
 
 def test_every_limit_has_a_fault_here_in_the_same_order():
-    assert [reason for _, _, reason in LIMITS] == list(FAULTS)
+    assert [one.reason for one in FILTER_METRICS] == list(FAULTS)
 
 
 def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():

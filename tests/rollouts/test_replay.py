@@ -6,7 +6,7 @@ import pytest
 import zarr
 
 from kine2go_warp.cli.main import main
-from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.config import RandomizationConfig
 from kine2go_warp.robots import GO2
@@ -25,7 +25,7 @@ def dataset(policy, tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "dataset.zarr"
     config = GatherConfig(trajectories=4, rows=90, num_worlds=8, randomization=WILD, budget=16.0, **ANYTHING_GOES)
     gather(policy, DatasetWriter(path, GO2), config, "cpu")
-    assert (read_motion(path, "dog_trot").trajectories.rows["push"] != 0.0).any()
+    assert (open_dataset(path, include_rejected=True).load("dog_trot").trajectories.rows["push"] != 0.0).any()
     return path
 
 
@@ -80,7 +80,7 @@ def test_wrong_requests_are_refused_in_one_line(dataset, arguments, message, cap
 
 
 def test_the_initial_state_is_that_of_the_first_kept_row(dataset):
-    rows = read_motion(dataset, "dog_trot").trajectories.rows
+    rows = open_dataset(dataset, include_rejected=True).load("dog_trot").trajectories.rows
     group = zarr.open_group(dataset / "dog_trot", mode="r")
     joint_q = np.asarray(group["initial_state/joint_q"][...])
     np.testing.assert_array_equal(joint_q[:, :3], rows["root_position"][:, 0])

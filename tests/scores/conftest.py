@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kine2go_warp.dataset.reader import read_motion
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
@@ -22,7 +22,7 @@ def simulated_dataset(policy, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def simulated(simulated_dataset):
-    return read_motion(simulated_dataset, "dog_trot")
+    return open_dataset(simulated_dataset, include_rejected=True).load("dog_trot")
 
 
 LENGTHS = np.array([12, 7, 12])

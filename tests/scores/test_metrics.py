@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.scores import metrics
+from kine2go_warp import metrics
 from tests.conftest import REPOSITORY
 from tests.scores.conftest import LENGTHS
 
@@ -236,7 +236,7 @@ def test_a_trajectory_of_nan_has_no_figures():
 
 def test_the_metrics_need_numpy_alone():
     script = (
-        "import sys; import kine2go_warp.scores.metrics;"
+        "import sys; import kine2go_warp.metrics;"
         "third = {'scipy', 'zarr', 'torch', 'warp', 'newton', 'matplotlib', 'rich'} & set(sys.modules);"
         "assert not third, third"
     )

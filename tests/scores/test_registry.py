@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.dataset.quality import tracking_quality
 from kine2go_warp.dataset.trajectories import Trajectories
+from kine2go_warp.metrics import tracking_quality
 from kine2go_warp.robots import GO2
 from kine2go_warp.scores.registry import METRICS, Rollouts, markdown_table
 from tests.conftest import REPOSITORY

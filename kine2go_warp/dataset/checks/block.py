@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.dataset.schema import RewardSettings, reward_settings
 from kine2go_warp.robots import RobotSpec
 
 Array = NDArray[np.float64]
@@ -29,8 +30,8 @@ class Settings:
     """Time from an action to its effect at the motors [s]."""
     friction: float | None
     """Coefficient of friction between robot and floor."""
-    reward_weights: tuple[float, ...] | None
-    """Weights of the reward terms, before the division by the control rate."""
+    rewards: tuple[RewardSettings, ...]
+    """The reward terms; none where the attributes do not describe them."""
     warm_up: float | None
     """Dropped from the beginning of each rollout [s]."""
     noise: tuple[float, float] | None
@@ -43,16 +44,13 @@ class Settings:
     """Worst tracking of an accepted rollout's joints [rad]."""
 
     @classmethod
-    def read(cls, root: Mapping[str, Any], motion: Mapping[str, Any], terms: tuple[str, ...]) -> "Settings":
+    def read(cls, root: Mapping[str, Any], motion: Mapping[str, Any]) -> "Settings":
         """Read the settings from the attributes of the root and of a motion, in which anything may be missing.
 
         Args:
             root: Attributes of the dataset.
             motion: Attributes of the motion.
-            terms: Names of the reward terms.
         """
-        weights = [number(motion, "training_settings", "env", "reward", term) for term in terms]
-        known = tuple(weight for weight in weights if weight is not None)
         substeps = number(root, "physics_substeps")
 
         def gathering(name: str) -> float | None:
@@ -65,7 +63,7 @@ class Settings:
             damping=number(root, "damping"),
             latency=number(motion, "training_settings", "env", "action", "latency"),
             friction=number(motion, "training_settings", "env", "solver", "friction"),
-            reward_weights=known if len(known) == len(terms) else None,
+            rewards=reward_settings(motion),
             warm_up=gathering("warm_up"),
             noise=pair(motion, "gather_settings", "noise"),
             max_distance=gathering("max_distance"),

@@ -4,6 +4,7 @@ from itertools import groupby
 
 from kine2go_warp.dataset.checks import commands, dynamics, kinematics, rows, store, tracking
 from kine2go_warp.dataset.checks.records import Check, RowCheck
+from kine2go_warp.tables import make_table, markdown
 
 ROW_CHECKS: tuple[RowCheck, ...] = (
     *rows.CHECKS,
@@ -17,7 +18,7 @@ ROW_CHECKS: tuple[RowCheck, ...] = (
 
 def all_checks() -> list[Check]:
     """Return every check once, in the order in which they run."""
-    checks = [*store.STORE_CHECKS[:1], *store.MOTION_CHECKS]
+    checks = [*store.STORE_CHECKS[:2], *store.MOTION_CHECKS]
     for name, group in groupby(ROW_CHECKS, key=lambda check: check.name):
         members = list(group)
         limits = dict.fromkeys(member.limit for member in members)
@@ -27,6 +28,5 @@ def all_checks() -> list[Check]:
 
 def markdown_table() -> str:
     """Return the table of all checks for the documentation."""
-    lines = ["| check | what must hold | at most off by |", "|---|---|---|"]
-    lines += [f"| {check.name} | {check.description} | {check.limit} |" for check in all_checks()]
-    return "\n".join(lines) + "\n"
+    rows = [(check.name, check.description, check.limit) for check in all_checks()]
+    return markdown(make_table("", ("check", "what must hold", "at most off by"), rows))

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.rotations import turn_between
 from kine2go_warp.dataset.checks.statistics import flat, largest, root_mean_square
+from kine2go_warp.rotations import rotation_between
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array | None]
@@ -31,7 +31,7 @@ def rate_of_change(block: Block, position: str) -> Array:
     """Return the change of a position array from row to row over a second, shape [n, num_rows - 1, ...]."""
     frequency = block.settings.control_frequency or np.nan
     if position.endswith("orientation"):
-        return frequency * turn_between(block[position][:, :-1], block[position][:, 1:])
+        return frequency * rotation_between(block[position][:, :-1], block[position][:, 1:])
     return frequency * np.diff(block[position], axis=1)
 
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.rotations import matrices, turned
 from kine2go_warp.dataset.checks.statistics import largest, mean
 from kine2go_warp.robots.kinematics import foot_positions, link_positions
+from kine2go_warp.rotations import rotate_by_matrices, to_matrices
 
 Array = NDArray[np.float64]
 
@@ -28,23 +28,25 @@ SHORTEST_WEIGHING = 120
 
 def link_error(block: Block) -> Array:
     """Return the farthest that a link is from where root pose and joints put it [m], shape [n, num_rows]."""
-    arms = turned(matrices(block["root_orientation"]), link_positions(block.spec, block["joint_position"]))
+    arms = rotate_by_matrices(
+        to_matrices(block["root_orientation"]), link_positions(block.spec, block["joint_position"])
+    )
     expected = block["root_position"][:, :, None] + arms
     return largest(np.linalg.norm(block["link_position"] - expected, axis=-1), 2)
 
 
 def link_velocity_error(block: Block) -> Array:
     """Return the farthest that a link's velocity is from that of root and joints [m/s], shape [n, num_rows]."""
-    rotation, joints = matrices(block["root_orientation"]), block["joint_position"]
+    rotation, joints = to_matrices(block["root_orientation"]), block["joint_position"]
     change = MOMENT * block["joint_velocity"]
     relative_b = (link_positions(block.spec, joints + change) - link_positions(block.spec, joints - change)) / (
         2.0 * MOMENT
     )
-    arms = turned(rotation, link_positions(block.spec, joints))
+    arms = rotate_by_matrices(rotation, link_positions(block.spec, joints))
     expected = (
         block["root_linear_velocity"][:, :, None]
         + np.cross(block["root_angular_velocity"][:, :, None], arms)
-        + turned(rotation, relative_b)
+        + rotate_by_matrices(rotation, relative_b)
     )
     return largest(np.linalg.norm(block["link_linear_velocity"] - expected, axis=-1), 2)
 
@@ -52,7 +54,7 @@ def link_velocity_error(block: Block) -> Array:
 def reference_foot_error(block: Block) -> Array:
     """Return the farthest that a reference foot is from where the reference's pose puts it [m], shape [n, num_rows]."""
     feet_b = foot_positions(block.spec, block["reference_joint_position"])
-    feet = turned(matrices(block["reference_root_orientation"]), feet_b)
+    feet = rotate_by_matrices(to_matrices(block["reference_root_orientation"]), feet_b)
     expected = block["reference_root_position"][:, :, None] + feet
     return largest(np.linalg.norm(block["reference_foot_position"] - expected, axis=-1), 2)
 

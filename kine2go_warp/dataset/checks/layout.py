@@ -1,5 +1,6 @@
 """What the schema says that a motion's group holds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kine2go_warp.dataset.schema import (
@@ -34,9 +35,9 @@ class Layout:
         return {**sizes, "coordinate": 7 + num_joints, "velocity": 6 + num_joints}
 
     @classmethod
-    def of(cls, spec: RobotSpec) -> "Layout":
-        """Return the layout for a robot."""
+    def of(cls, spec: RobotSpec, reward_terms: Sequence[str]) -> "Layout":
+        """Return the layout for a robot and some reward terms."""
         arrays = {array.name: array for array in (*COORDINATES, *ROW_ARRAYS, *TRAJECTORY_ARRAYS)}
         for group, members in SUB_GROUPS.items():
             arrays.update({f"{group}/{array.name}": array for array in members})
-        return cls(arrays, coordinates(spec))
+        return cls(arrays, coordinates(spec, reward_terms))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block, Settings, is_rows
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.records import Finding
-from kine2go_warp.dataset.schema import REWARD_TERMS
+from kine2go_warp.dataset.schema import reward_labels
 from kine2go_warp.robots import RobotSpec
 
 BLOCK = 32
@@ -107,7 +107,7 @@ def blocks(motion: StoredMotion, root: dict[str, Any], spec: RobotSpec) -> Itera
         root: Attributes of the dataset.
         spec: The robot.
     """
-    settings = Settings.read(root, motion.attributes, REWARD_TERMS)
+    settings = Settings.read(root, motion.attributes)
     names = usable(motion, spec)
     if not any(is_rows(name, motion.arrays[name]) for name in names):
         return
@@ -124,7 +124,7 @@ def blocks(motion: StoredMotion, root: dict[str, Any], spec: RobotSpec) -> Itera
 
 def usable(motion: StoredMotion, spec: RobotSpec) -> list[str]:
     """Return the arrays whose shape fits the schema and the majority of the others."""
-    layout = Layout.of(spec)
+    layout = motion_layout(motion, spec)
     sizes = layout.sizes
     for dimension in ("trajectory", "frame", "slot"):
         with contextlib.suppress(ValueError):
@@ -137,6 +137,12 @@ def usable(motion: StoredMotion, spec: RobotSpec) -> list[str]:
         and motion.arrays[name].shape == tuple(sizes.get(dimension) for dimension in array.dims)
         and motion.arrays[name].dtype.kind in "fiu"
     ]
+
+
+def motion_layout(motion: StoredMotion, spec: RobotSpec) -> Layout:
+    """Return what a motion should hold; its attributes name the reward terms."""
+    terms = motion.arrays.get("term")
+    return Layout.of(spec, reward_labels(motion.attributes, terms.shape[0] if terms is not None and terms.ndim else 0))
 
 
 def common_size(motion: StoredMotion, layout: Layout, dimension: str) -> int:

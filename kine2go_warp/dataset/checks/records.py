@@ -101,20 +101,20 @@ class Finding:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A mistake that would explain findings: undoing it mends them."""
+    """A mistake that would explain findings: undoing it fixes them."""
 
     motion: str
     what: str
     """The mistake, such as ``joint_position is in degrees``."""
-    mends: tuple[str, ...]
+    fixes: tuple[str, ...]
     """Names of the checks that hold when it is undone."""
     failed: int
     """Number of checks that fail as the data are."""
 
     def __str__(self) -> str:
         return (
-            f"{self.motion}: it looks as if {self.what}: undoing that mends {len(self.mends)} of {self.failed} "
-            f"failed checks ({'; '.join(self.mends)})"
+            f"{self.motion}: it looks as if {self.what}: undoing that fixes {len(self.fixes)} of {self.failed} "
+            f"failed checks ({'; '.join(self.fixes)})"
         )
 
 

@@ -13,12 +13,11 @@ import zarr
 from kine2go_warp.dataset.checks import store
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS, all_checks
-from kine2go_warp.dataset.checks.layout import Layout
-from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size
+from kine2go_warp.dataset.checks.mistakes import diagnose
+from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size, motion_layout
 from kine2go_warp.dataset.checks.records import Diagnosis, Finding, Report, Result, RowCheck
-from kine2go_warp.dataset.checks.traps import diagnose
-from kine2go_warp.dataset.reader import motion_names
 from kine2go_warp.dataset.schema import ROW_ARRAYS
+from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
 
@@ -79,6 +78,7 @@ class Run:
     def check_store(self) -> None:
         """Check the root."""
         self._complain(store.ROOT, None, store.check_root(self.root, self.spec))
+        self._complain(store.REVIEWS, None, store.check_reviews(self.path))
         self._complain(store.INDEX, None, store.check_index(self.path))
 
     def check_motion(self, name: str) -> None:
@@ -88,7 +88,7 @@ class Run:
         except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
             self._conclude(READABLE, name, [Finding(READABLE, name, f"cannot be opened ({error.__class__.__name__})")])
             return
-        layout, root = Layout.of(self.spec), self.root
+        layout, root = motion_layout(motion, self.spec), self.root
         self._complain(store.INDEX, name, store.check_index(self.path / name))
         self._complain(store.ARRAYS, name, store.check_arrays(motion, layout))
         self._complain(store.METADATA, name, store.check_metadata(motion, layout))

@@ -13,7 +13,9 @@ from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, common_size, quietly
 from kine2go_warp.dataset.checks.records import Check, Finding
 from kine2go_warp.dataset.schema import REJECTED, ArraySpec
+from kine2go_warp.dataset.verdicts import read_verdicts
 from kine2go_warp.dataset.writer import SimulationAttributes, robot_attributes
+from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
 
 ROOT = Check(
@@ -21,6 +23,7 @@ ROOT = Check(
     "format, robot (names, orders, default pose, action scale, hash of the model), rates and gains are this software's",
     "exact",
 )
+REVIEWS = Check("reviews", "the file of reviews, where there is one, can be read", "exact")
 INDEX = Check("index", "the index of all arrays, where there is one, is what the arrays themselves say", "exact")
 READING = Check(READABLE, "metadata and data of every array can be read", "")
 ARRAYS = Check("arrays", "every array of the schema is there; others are worth a remark", "exact")
@@ -30,7 +33,7 @@ TIME = Check("time", "time is row / control frequency, trajectories are numbered
 ATTRIBUTES = Check("attributes", "origin, licence, policy and settings are there and agree with data and root", "exact")
 DUPLICATES = Check("duplicates", "no two trajectories of the dataset have the same rows", "exact")
 
-STORE_CHECKS = (ROOT, INDEX)
+STORE_CHECKS = (ROOT, REVIEWS, INDEX)
 """Checks of the whole store."""
 MOTION_CHECKS = (READING, INDEX, ARRAYS, METADATA, LABELS, TIME, ATTRIBUTES, DUPLICATES)
 """Checks of each motion."""
@@ -52,6 +55,14 @@ class Complaint:
     what: str
     array: str | None = None
     is_remark: bool = False
+
+
+def check_reviews(path: Path) -> Iterator[Complaint]:
+    """Check that what people said of trajectories can be read: a damaged file is never taken for no reviews."""
+    try:
+        read_verdicts(path)
+    except DatasetError as error:
+        yield Complaint(str(error))
 
 
 def check_root(attributes: dict[str, Any], spec: RobotSpec) -> Iterator[Complaint]:

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.rotations import about_z, heading, level, matrices, turned, wrapped
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
-from kine2go_warp.dataset.quality import rotation_angle, tracking_quality
-from kine2go_warp.dataset.schema import MAXIMUM_REWARDS, QUALITY_ARRAYS, REWARD_TERMS
+from kine2go_warp.dataset.schema import QUALITY_ARRAYS
+from kine2go_warp.metrics import root_angle, root_error, tracking_quality
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array | None]
@@ -38,17 +38,18 @@ def disagreement(block: Block, series: Array) -> Array:
 
 def heading_error(block: Block) -> Array:
     """Return how far a trajectory's ``heading`` is from its reference's, judged by the others [rad], shape [n]."""
-    yaw = heading(matrices(block["reference_root_orientation"]))
+    forward = to_matrices(block["reference_root_orientation"])[..., 0]
+    is_level = np.hypot(forward[..., 0], forward[..., 1]) > 0.5
+    yaw = np.where(is_level, np.arctan2(forward[..., 1], forward[..., 0]), np.nan)
     yaw = np.where(np.isnan(yaw), np.nan, np.unwrap(np.where(np.isnan(yaw), 0.0, yaw), axis=1))
-    difference = wrapped(disagreement(block, yaw - block["heading"][:, None]))
+    difference = wrap_angle(disagreement(block, yaw - block["heading"][:, None]))
     typical = median(difference, 1)
-    return np.abs(wrapped(typical - median(typical[None], 1)))
+    return np.abs(wrap_angle(typical - median(typical[None], 1)))
 
 
 def path_error(block: Block) -> Array:
     """Return how far the reference's path, turned back by ``heading``, is from the first one's [m], shape [n]."""
-    planar = block["reference_root_position"] * np.array([1.0, 1.0, 0.0])
-    back = turned(about_z(-block["heading"]), planar)
+    back = turn_planar(block["reference_root_position"], -block["heading"][:, None])
     errors = []
     for axis in range(2):
         difference = disagreement(block, back[..., axis])
@@ -57,26 +58,16 @@ def path_error(block: Block) -> Array:
     return np.abs(error - median(error[None], 1))
 
 
-def distance(block: Block) -> Array:
-    """Return the root's distance from its reference [m], shape [n, num_rows]."""
-    return np.linalg.norm(block["root_position"] - block["reference_root_position"], axis=-1)
-
-
-def angle(block: Block) -> Array:
-    """Return the root's angle from its reference [rad], shape [n, num_rows]."""
-    return rotation_angle(block["root_orientation"], block["reference_root_orientation"])
-
-
 def beyond_distance(block: Block) -> Array | None:
     """Return by how much a root is farther from its reference than accepted rollouts are [m]."""
     limit = block.settings.max_distance
-    return None if limit is None else np.maximum(distance(block) - limit, 0.0)
+    return None if limit is None else np.maximum(root_error(block.rows) - limit, 0.0)
 
 
 def beyond_angle(block: Block) -> Array | None:
     """Return by how much a root is turned further from its reference than in accepted rollouts [rad]."""
     limit = block.settings.max_angle
-    return None if limit is None else np.maximum(angle(block) - limit, 0.0)
+    return None if limit is None else np.maximum(root_angle(block.rows) - limit, 0.0)
 
 
 def beyond_rmse(block: Block) -> Array | None:
@@ -88,8 +79,10 @@ def beyond_rmse(block: Block) -> Array | None:
 
 def scales(block: Block) -> Array | None:
     """Return weight / control frequency of each reward term, shape [num_terms]."""
-    weights, frequency = block.settings.reward_weights, block.settings.control_frequency
-    return None if weights is None or frequency is None else np.array(weights) / frequency
+    rewards, frequency = block.settings.rewards, block.settings.control_frequency
+    if frequency is None or len(rewards) != block["reward"].shape[-1]:
+        return None
+    return np.array([term.weight for term in rewards]) / frequency
 
 
 def reward_outside(block: Block) -> Array | None:
@@ -97,40 +90,49 @@ def reward_outside(block: Block) -> Array | None:
     scale = scales(block)
     if scale is None:
         return None
-    parts = block["reward"] / np.where(scale > 0.0, scale, 1.0)
-    highest = np.where(scale > 0.0, MAXIMUM_REWARDS, 0.0)
+    parts = block["reward"] / scale
+    highest = np.array([np.inf if term.maximum is None else term.maximum for term in block.settings.rewards])
     return np.maximum(largest(np.maximum(-parts, parts - highest), 2), 0.0)
 
 
-def joint_reward(block: Block) -> Array:
-    """Return exp(-5 * sum of squared joint position errors), shape [n, num_rows]."""
+def joint_reward(block: Block, exponent: float) -> Array:
+    """Return exp(-exponent * sum of squared joint position errors), shape [n, num_rows]."""
     error = block["joint_position"] - block["reference_joint_position"]
-    return np.exp(-5.0 * np.sum(error**2, axis=-1))
+    return np.exp(-exponent * np.sum(error**2, axis=-1))
 
 
-def foot_reward(block: Block) -> Array:
-    """Return exp(-40 * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
+def in_heading(orientation: Array, vectors: Array) -> Array:
+    """Return vectors of the base frame in the heading's frame, shape [..., n, 3]."""
+    return turn_planar(rotate_by_matrices(to_matrices(orientation), vectors), -heading(orientation)[..., None])
+
+
+def foot_reward(block: Block, exponent: float) -> Array:
+    """Return exp(-exponent * sum of squared errors of the feet), each pose in its own heading, shape [n, num_rows]."""
     feet = (
-        turned(level(matrices(block[f"{whose}root_orientation"])), foot_positions(block.spec, block[joints]))
+        in_heading(block[f"{whose}root_orientation"], foot_positions(block.spec, block[joints]))
         for whose, joints in (("", "joint_position"), ("reference_", "reference_joint_position"))
     )
-    return np.exp(-40.0 * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
+    return np.exp(-exponent * np.sum(np.subtract(*feet) ** 2, axis=(-2, -1)))
 
 
-def pose_reward(block: Block) -> Array:
-    """Return exp(-20 * distance^2) + exp(-10 * angle^2), shape [n, num_rows]."""
-    return np.exp(-20.0 * distance(block) ** 2) + np.exp(-10.0 * angle(block) ** 2)
+def pose_reward(block: Block, position_exponent: float, angle_exponent: float) -> Array:
+    """Return exp(-position_exponent * distance^2) + exp(-angle_exponent * angle^2), shape [n, num_rows]."""
+    return np.exp(-position_exponent * root_error(block.rows) ** 2) + np.exp(
+        -angle_exponent * root_angle(block.rows) ** 2
+    )
 
 
-def reward_error(term: str, expected: Callable[[Block], Array]) -> Measure:
+def reward_error(kernel: str, expected: Callable[..., Array]) -> Measure:
     """Return a measure of how far a reward is from what the state and reference of the next row earn, in its scale."""
-    index = REWARD_TERMS.index(term)
 
     def measure(block: Block) -> Array | None:
         scale = scales(block)
-        if scale is None or scale[index] == 0.0:
-            return None
-        return np.abs(block["reward"][:, :-1, index] / scale[index] - expected(block)[:, 1:])
+        errors = [
+            np.abs(block["reward"][:, :-1, index] / scale[index] - expected(block, **term.params)[:, 1:])
+            for index, term in enumerate(block.settings.rewards)
+            if scale is not None and term.kernel == f"kine2go_warp.kernels.rewards:{kernel}"
+        ]
+        return np.max(errors, axis=0) if errors else None
 
     return measure
 
@@ -151,11 +153,11 @@ JOINTS = ("joint_position", "reference_joint_position")
 ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
 FEET = ("link_position", "reference_foot_position")
 REWARDS = (
-    ("joint_position", joint_reward, JOINTS),
-    ("foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
-    ("root_pose", pose_reward, ROOTS),
+    ("joint position", "track_joint_position", joint_reward, JOINTS),
+    ("foot position", "track_foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
+    ("root pose", "track_root_pose", pose_reward, ROOTS),
 )
-"""Reward terms that rows alone determine: name, what they earn before the weight, arrays."""
+"""Reward terms that rows alone determine: name, kernel, what they earn before the weight, arrays."""
 
 CHECKS = (
     RowCheck(
@@ -187,12 +189,12 @@ CHECKS = (
     ),
     *(
         RowCheck(
-            f"{term.replace('_', ' ')} reward", "reward", ("reward", *needs),
+            f"{term} reward", "reward", ("reward", *needs),
             f"the {term} reward of a row is what state and reference of the next row earn",
-            f"the {term} term is not what the next row earns: off", reward_error(term, expected),
+            f"the {term} term is not what the next row earns: off", reward_error(kernel, expected),
             1e-3, "of the weight",
         )
-        for term, expected, needs in REWARDS
+        for term, kernel, expected, needs in REWARDS
     ),
     *(
         RowCheck(

@@ -1,21 +1,30 @@
-"""Figures of rollouts as pure functions that need NumPy alone.
+"""Metrics of rollouts: what each one is called and means, and how it is computed, with NumPy alone.
 
-Every function takes arrays of shape [num_trajectories, num_rows, ...], in which rows beyond a trajectory's end are NaN,
-and returns one figure a trajectory, shape [num_trajectories]; NaN where a trajectory has nothing to measure. Positions
-and velocities are in the world frame unless a name says otherwise, quaternions are (w, x, y, z).
+``METRICS`` is the table of names, units, meanings and of the limits that the filter of gathering sets. The functions of
+tracking errors take the rows of a dataset by name. All others take arrays of shape [num_trajectories, num_rows, ...] in
+which rows beyond a trajectory's end are NaN, and return one value for each trajectory, shape [num_trajectories]; NaN
+where a trajectory has nothing to measure. Positions and velocities are in the world frame unless a name says otherwise,
+quaternions are (w, x, y, z).
 """
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.scores.quaternions import conjugate, multiply, rotate, rotation_vector
+from kine2go_warp.rotations import conjugate, multiply, rotate, rotation_angle, rotation_vector
 
 Array = NDArray[np.float64]
+Rows = Mapping[str, NDArray]
+"""Row arrays of a dataset by name, each of shape [..., num_rows, *row]."""
 
 GRAVITY = 9.81
 """[m/s^2]"""
 CONTACT_FORCE = 1.0
-"""A foot that the floor pushes harder than this is in contact [N]."""
+"""A foot that the floor pushes harder than this is in contact [N]: below 1 % of the robot's weight, and above what is
+left of a contact that opens. Slip, recordings and their viewer share it."""
 SATURATION = 0.999
 """A torque above this share of the motor's largest counts as saturated."""
 LIMIT_MARGIN = 0.01
@@ -26,6 +35,104 @@ FOOT_LINKS = slice(12, 16)
 """Where the feet are among the links."""
 CALF_LINKS = slice(2, 12, 3)
 """Where the knees, the joint centres of the calves, are among the links."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """What a metric is, and by which limit the filter of gathering rejects a rollout."""
+
+    name: str
+    unit: str
+    description: str
+    better: Literal["lower", "higher"] = "lower"
+    is_share: bool = False
+    """Whether it is the share of rollouts to which something happened."""
+    setting: str = ""
+    """Setting of gathering that limits it, empty if none does."""
+    reason: str = ""
+    """Why a rollout beyond the limit is rejected."""
+    label: str = ""
+    """Short name beside its limit."""
+
+
+def _limited(name: str, unit: str, description: str, setting: str, reason: str, label: str) -> Metric:
+    return Metric(name=name, unit=unit, description=description, setting=setting, reason=reason, label=label)
+
+
+FILTER_METRICS = (
+    _limited("largest_root_error", "m", "largest distance of the root from its reference",
+             "max_distance", "distance", "root distance"),
+    _limited("largest_root_angle", "rad", "largest angle of the root from its reference",
+             "max_angle", "rotation", "root angle"),
+    _limited("joint_rmse", "rad", "root mean square joint position error",
+             "max_joint_rmse", "joint_error", "joint RMSE"),
+    _limited("leg_contact", "1", "share of rows in which a thigh or calf touches the ground",
+             "max_leg_contact", "leg_contact", "leg contact"),
+    _limited("joint_limit", "1", f"share of joint positions within {LIMIT_MARGIN:g} rad of a limit, or beyond it",
+             "max_joint_limit", "joint_limit", "joint limits"),
+    _limited("torque_saturation", "1", "share of torques at the motors' limit",
+             "max_torque_saturation", "torque_saturation", "torque limits"),
+    _limited("action_saturation", "1", "share of commanded joint targets beyond the joints' limits",
+             "max_action_saturation", "action_saturation", "action limits"),
+    _limited("foot_slip", "m/s",
+             "mean horizontal speed of the lowest point of a foot while the floor pushes it with more than "
+             f"{CONTACT_FORCE:g} N", "max_foot_slip", "foot_slip", "foot slip"),
+    _limited("joint_jerk", "rad/s^3", "mean size of the joint jerks", "max_joint_jerk", "jerk", "joint jerk"),
+    _limited("joint_speed", "1", "largest joint speed as a share of the motor's largest",
+             "max_joint_speed", "joint_speed", "joint speed"),
+    _limited("leg_overlap", "m", "greatest depth of a leg in another one, the trunk or the head",
+             "max_leg_overlap", "leg_overlap", "leg overlap"),
+)  # fmt: skip
+"""Those that the filter of gathering limits; the first one that is exceeded is the reason."""
+
+TRACKING_METRICS = (
+    Metric(name="root_error", unit="m", description="mean distance of the root from its reference"),
+    Metric(name="root_angle", unit="rad", description="mean angle of the root from its reference"),
+    Metric(name="foot_error", unit="m",
+           description="mean distance of the four feet from their references in the world (MPJPE of the feet)"),
+)  # fmt: skip
+"""Those of ``tracking_quality`` that have no limit."""
+
+METRICS = {metric.name: metric for metric in (*FILTER_METRICS, *TRACKING_METRICS)}
+"""Metrics that a dataset stores for each trajectory, by name; ``scores.registry`` has those that are scored."""
+
+
+def root_error(rows: Rows) -> NDArray:
+    """Return the distance of the root from its reference [m], shape [..., num_rows]."""
+    return np.linalg.norm(rows["root_position"] - rows["reference_root_position"], axis=-1)
+
+
+def root_angle(rows: Rows) -> Array:
+    """Return the angle of the root from its reference [rad], shape [..., num_rows]."""
+    return rotation_angle(rows["root_orientation"], rows["reference_root_orientation"])
+
+
+def joint_error(rows: Rows) -> Array:
+    """Return the joint position errors [rad], shape [..., num_rows, num_joints]."""
+    return (rows["joint_position"] - rows["reference_joint_position"]).astype(np.float64)
+
+
+def joint_rmse(rows: Rows) -> Array:
+    """Return the root mean square over the joints of each row's position errors [rad], shape [..., num_rows]."""
+    return np.sqrt(np.mean(joint_error(rows) ** 2, axis=-1))
+
+
+def foot_error(rows: Rows) -> NDArray:
+    """Return the distance of each foot from its reference [m], shape [..., num_rows, 4]."""
+    return np.linalg.norm(rows["link_position"][..., FOOT_LINKS, :] - rows["reference_foot_position"], axis=-1)
+
+
+def tracking_quality(rows: Rows) -> dict[str, NDArray]:
+    """Return the mean tracking errors by the names in ``METRICS``, each of shape [num_trajectories].
+
+    Padding (NaN) does not count.
+    """
+    return {
+        "joint_rmse": np.sqrt(np.nanmean(joint_error(rows) ** 2, axis=(1, 2))),
+        "root_error": np.nanmean(root_error(rows), axis=1),
+        "root_angle": np.nanmean(root_angle(rows), axis=1),
+        "foot_error": np.nanmean(foot_error(rows), axis=(1, 2)),
+    }
 
 
 def mean_per_trajectory(values: NDArray) -> Array:

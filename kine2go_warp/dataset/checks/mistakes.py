@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import Diagnosis, RowCheck
-from kine2go_warp.dataset.checks.rotations import matrices
 from kine2go_warp.dataset.schema import ROW_ARRAYS, ArraySpec
+from kine2go_warp.rotations import to_matrices
 
 Array = NDArray[np.float64]
 Change = Callable[[Block], dict[str, Array]]
@@ -20,7 +20,7 @@ MAX_TRAJECTORIES = 4
 
 
 @dataclass(frozen=True)
-class Trap:
+class KnownMistake:
     """A mistake that a writer of data can make."""
 
     what: str
@@ -31,64 +31,66 @@ class Trap:
     """Returns those arrays without it."""
 
 
-def traps(block: Block) -> Iterator[Trap]:
+def known_mistakes(block: Block) -> Iterator[KnownMistake]:
     """Yield the mistakes to try, those of one array first."""
     spec = block.spec
     joints = [spec.sdk_motor_order.index(name) for name in spec.joint_names]
     feet = [joints[3 * leg] // 3 for leg in range(len(spec.legs))]
     arrays = [array for array in ROW_ARRAYS if array.name in block]
     for array in arrays:
-        yield from unit_traps(array)
-        yield from frame_traps(array, block)
+        yield from unit_mistakes(array)
+        yield from frame_mistakes(array, block)
         for index, name, order in (("joint", "joints", joints), ("foot", "feet", feet)):
             if index in array.dims:
                 what = f"{array.name} has its {name} in the motors' order"
-                yield Trap(what, (array.name,), reordered((array,), index, order))
+                yield KnownMistake(what, (array.name,), reordered((array,), index, order))
         for shift in (-1, 1):
             where = "late" if shift > 0 else "early"
-            yield Trap(f"{array.name} is one row {where}", (array.name,), shifted((array.name,), shift))
+            yield KnownMistake(f"{array.name} is one row {where}", (array.name,), shifted((array.name,), shift))
     by_joint = tuple(array for array in arrays if "joint" in array.dims)
     names = tuple(array.name for array in by_joint)
-    yield Trap("all arrays have their joints in the motors' order", names, reordered(by_joint, "joint", joints))
+    yield KnownMistake("all arrays have their joints in the motors' order", names, reordered(by_joint, "joint", joints))
     commands = tuple(name for name in ("action", "action_mean", "joint_target") if name in block)
     for shift, where in ((1, "late"), (-1, "early")):
-        yield Trap(f"actions and targets are one row {where}", commands, shifted(commands, shift))
+        yield KnownMistake(f"actions and targets are one row {where}", commands, shifted(commands, shift))
 
 
-def unit_traps(array: ArraySpec) -> Iterator[Trap]:
+def unit_mistakes(array: ArraySpec) -> Iterator[KnownMistake]:
     """Yield mistakes of units."""
     name = array.name
     if array.unit in ("rad", "rad/s"):
-        yield Trap(f"{name} is in degrees", (name,), lambda block: {name: np.radians(block.stored[name])})
+        yield KnownMistake(f"{name} is in degrees", (name,), lambda block: {name: np.radians(block.stored[name])})
     if array.unit in ("m", "m/s"):
-        yield Trap(f"{name} is in millimetres", (name,), lambda block: {name: 1e-3 * block.stored[name]})
+        yield KnownMistake(f"{name} is in millimetres", (name,), lambda block: {name: 1e-3 * block.stored[name]})
 
 
-def frame_traps(array: ArraySpec, block: Block) -> Iterator[Trap]:
+def frame_mistakes(array: ArraySpec, block: Block) -> Iterator[KnownMistake]:
     """Yield mistakes of frames, origins and the order of quaternions."""
     name = array.name
     if "quaternion" in array.dims:
-        yield Trap(f"{name} is (x, y, z, w)", (name,), lambda block: {name: np.roll(block.stored[name], 1, axis=-1)})
-        yield Trap(
+        yield KnownMistake(
+            f"{name} is (x, y, z, w)", (name,), lambda block: {name: np.roll(block.stored[name], 1, axis=-1)}
+        )
+        yield KnownMistake(
             f"{name} is inverted, the world in the base link", (name,),
             lambda block: {name: block.stored[name] * np.array([1.0, -1.0, -1.0, -1.0])},
         )  # fmt: skip
     if array.unit in ("m/s", "rad/s", "N") and "axis" in array.dims and "root_orientation" in block:
-        yield Trap(f"{name} is in the base frame", (name,), lambda block: {name: from_base(block, name)})
+        yield KnownMistake(f"{name} is in the base frame", (name,), lambda block: {name: from_base(block, name)})
     if name == "root_linear_velocity" and {"root_orientation", "root_angular_velocity"} <= set(block.stored):
-        yield Trap(f"{name} is that of the centre of mass", (name,), lambda block: {name: at_origin(block)})
+        yield KnownMistake(f"{name} is that of the centre of mass", (name,), lambda block: {name: at_origin(block)})
 
 
 def from_base(block: Block, name: str) -> Array:
     """Return vectors that are given in the base frame in the world frame."""
-    return np.einsum("ntij,nt...j->nt...i", matrices(block["root_orientation"]), block.stored[name])
+    return np.einsum("ntij,nt...j->nt...i", to_matrices(block["root_orientation"]), block.stored[name])
 
 
 def at_origin(block: Block) -> Array:
     """Return the velocity of the base link's origin from that of its centre of mass [m/s]."""
     origin = ElementTree.parse(block.spec.urdf).getroot().find(f"link[@name='{block.spec.base_link}']/inertial/origin")
     centre = np.array([float(value) for value in (origin.attrib["xyz"] if origin is not None else "0 0 0").split()])
-    arm = matrices(block["root_orientation"]) @ centre
+    arm = to_matrices(block["root_orientation"]) @ centre
     return block.stored["root_linear_velocity"] - np.cross(block["root_angular_velocity"], arm)
 
 
@@ -124,17 +126,17 @@ def diagnose(motion: str, block: Block, checks: Sequence[RowCheck]) -> list[Diag
     block, bad = block.selected(chosen), bad[chosen]
     failed = [check for check in checks if failing(block, [check]).any()]
     candidates = []
-    for trap in traps(block):
-        concerned = [check for check in checks if set(check.needs) & set(trap.arrays)]
+    for mistake in known_mistakes(block):
+        concerned = [check for check in checks if set(check.needs) & set(mistake.arrays)]
         if not any(check in failed for check in concerned):
             continue
-        mended = block.replaced(only(bad, block, trap.undo(block)))
+        mended = block.replaced(only(bad, block, mistake.undo(block)))
         still = [check for check in concerned if failing(mended, [check]).any()]
-        mends = dict.fromkeys(check.name for check in failed if check in concerned and check not in still)
-        if mends and all(check in failed for check in still):
-            candidates.append(Diagnosis(motion, trap.what, tuple(mends), len({check.name for check in failed})))
-    most = max((len(one.mends) for one in candidates), default=0)
-    return [one for one in candidates if len(one.mends) == most]
+        fixes = dict.fromkeys(check.name for check in failed if check in concerned and check not in still)
+        if fixes and all(check in failed for check in still):
+            candidates.append(Diagnosis(motion, mistake.what, tuple(fixes), len({check.name for check in failed})))
+    most = max((len(one.fixes) for one in candidates), default=0)
+    return [one for one in candidates if len(one.fixes) == most]
 
 
 def only(chosen: NDArray[np.bool_], block: Block, changes: dict[str, Array]) -> dict[str, Array]:

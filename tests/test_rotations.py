@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.scores.quaternions import conjugate, multiply, rotate, rotation_vector, yaw
+from kine2go_warp.rotations import conjugate, heading, multiply, rotate, rotation_angle, rotation_vector
 
 
 def scipy_rotation(wxyz):
@@ -32,10 +32,19 @@ def test_rotation_vectors_are_scipys_also_for_tiny_turns(pair):
 
 def test_yaw_is_where_the_x_axis_points(pair):
     axis = scipy_rotation(pair[0]).apply([1.0, 0.0, 0.0])
-    np.testing.assert_allclose(yaw(pair[0]), np.arctan2(axis[:, 1], axis[:, 0]), atol=1e-12)
+    np.testing.assert_allclose(heading(pair[0]), np.arctan2(axis[:, 1], axis[:, 0]), atol=1e-12)
 
 
 def test_nan_stays_nan():
     nothing = np.full(4, np.nan)
     assert np.isnan(rotation_vector(nothing)).all()
-    assert np.isnan(yaw(nothing))
+    assert np.isnan(heading(nothing))
+
+
+def test_angles_agree_with_scipy_whatever_the_signs(rng):
+    a, b = Rotation.random(200, rng=rng), Rotation.random(200, rng=rng)
+    close = Rotation.from_rotvec(rng.normal(0.0, 1e-5, (200, 3))) * a
+    for other in (b, close, a):
+        expected = (a * other.inv()).magnitude()
+        for sign in (1.0, -1.0):
+            np.testing.assert_allclose(rotation_angle(a.as_quat(), sign * other.as_quat()), expected, atol=1e-12)

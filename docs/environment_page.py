@@ -1,38 +1,89 @@
 """The tables of docs/environment.md, written from the code that they describe.
 
-``uv run python -m kine2go_warp.env.documentation`` prints the page.
+``uv run python docs/environment_page.py`` prints the page.
 """
 
 from collections.abc import Sequence
 from dataclasses import fields
 
 from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerrainConfig
-from kine2go_warp.env.observations import observation_layout, observation_size, privileged_layout
-from kine2go_warp.env.randomization import DRAWN_QUANTITIES
-from kine2go_warp.kernels.rewards import MAXIMUM_REWARDS, REWARD_TERMS
+from kine2go_warp.env.observations import observation_layout, observation_size, place_privileged
 from kine2go_warp.kernels.terminations import REASON_DESCRIPTIONS, REASON_NAMES
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import GO2, RobotSpec
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS, LEG_JOINTS
 
-REWARD_FORMULAS = (
-    "exp(-5 Σ (q - q̂)²) over 12 joints [rad]",
-    "exp(-0.1 Σ (q̇ - q̇̂)²) over 12 joints [rad/s]",
-    "exp(-40 Σ \\|p - p̂\\|²) over 4 feet relative to the root, each in its own heading frame [m]",
-    "exp(-20 \\|p - p̂\\|²) + exp(-10 θ²), root position [m] and angle of the rotation between the two roots [rad]",
-    "exp(-2 \\|v - v̂\\|²) + exp(-0.2 \\|ω - ω̂\\|²), root velocities in the world frame [m/s, rad/s]",
-)
-"""The terms in the order of ``REWARD_TERMS`` (paper, appendix, "Reward structure"); a hat marks the reference."""
-
-FACTORS = ("stiffness", "damping", "strength", "joint_friction")
-"""What is drawn as a factor on its nominal value."""
-
 INTRODUCTION = """# The environment
 
-Written by `uv run python -m kine2go_warp.env.documentation > docs/environment.md`; a test compares.
+Written by `uv run python docs/environment_page.py > docs/environment.md`; a test compares.
 
-One control step ({control_rate:.0f} Hz) is {substeps} physics steps. Within one captured graph: the output becomes
+One control step ({control_rate:.0f} Hz) is {substeps} physics steps. Within one captured graph: the action becomes
 joint targets, pushes, the substeps with the motors' PD law and latency, contacts, reference, rewards, ends of episodes,
 new episodes, observation. Nothing is allocated, the host is not waited for, and no Python runs for a world.
+"""
+
+
+EXTENSION = """## Add a reward in your own file
+
+Rewards and observations are terms: a name, a Warp kernel and its parameters. A file of your own may add some, switch
+others off, and change weights and parameters; the package is not touched. Say this is `my_file.py`:
+
+```python
+from dataclasses import replace
+
+import warp as wp
+
+from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.observations import ObservationTerm
+from kine2go_warp.env.terms.rewards import RewardTerm
+from kine2go_warp.kernels.kinematics import leg_point_velocity_w
+from kine2go_warp.kernels.state import joint_position
+from kine2go_warp.kernels.world import WorldView
+from kine2go_warp.learning.presets import FAST
+
+
+@wp.kernel
+def foot_slip(view: WorldView, out: wp.array2d(dtype=float), column: int, contact_force: float):
+    world = wp.tid()
+    total = float(0.0)
+    for leg in range(4):
+        if view.foot_force[world, leg][2] > contact_force:
+            velocity = leg_point_velocity_w(view.robot, view.geometry, world, leg, 3)
+            total += velocity[0] * velocity[0] + velocity[1] * velocity[1]
+    out[world, column] = total
+
+
+@wp.kernel
+def previous_command(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    world = wp.tid()
+    for joint in range(12):
+        command = view.joint_target[world, joint]
+        if view.done[world] != wp.int64(0):  # a new episode, whose motors hold the joints where they are
+            command = joint_position(view.robot, world, joint)
+        out[world, column + joint] = command - view.default_position[joint]
+
+
+SLIP = RewardTerm("foot_slip", foot_slip, {"contact_force": 5.0}, weight=-0.1, formula="Σ v² of feet in contact [m/s]")
+COMMAND = ObservationTerm("previous_command", previous_command, dims=("joint",), unit="rad", mirror="angle")
+ENV = FAST.env
+PRESET = replace(
+    FAST,
+    env=replace(
+        ENV,
+        rewards=(*with_term(ENV.rewards, "joint_position", exponent=4.0), SLIP),
+        observations=(*with_term(ENV.observations, "linear_velocity_b", enabled=False), COMMAND),
+    ),
+)
+```
+
+`kine2go train CLIP --preset my_file.py:PRESET` trains with it. A kernel takes `(view, out, column)` and then the term's
+parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or as many
+as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on. `WorldView`
+(`kernels/world.py`) is all that it can read. A term of the package or of yours is a setting by its name:
+`[train.env.rewards.foot_slip] weight = -0.2`, `[train.env.observations.last_action] enabled = false`. TensorBoard,
+Rerun, `policy.json` and the dataset's labels follow. The policy folder refers to your file by its path: keep the file
+where it is. `kine2go export-policy` writes any policy, but the package's own controller knows the package's
+observations alone.
 """
 
 
@@ -43,6 +94,7 @@ def environment_page(config: EnvConfig | None = None) -> str:
         INTRODUCTION.format(control_rate=config.control_rate, substeps=config.substeps),
         observation_section(config),
         reward_section(config),
+        EXTENSION,
         termination_section(config),
         reset_section(config),
         randomization_section(),
@@ -76,21 +128,21 @@ history is filled with its first state. `policy.json` holds the same table.
 {table(headings, rows(observation_layout(config)))}
 With `privileged` the critic also sees:
 
-{table(headings, rows(privileged_layout()))}"""
+{table(headings, rows([placed.field for placed in place_privileged(config)]))}"""
 
 
 def reward_section(config: EnvConfig) -> str:
     """Return the reward terms."""
-    scaled = [weight / config.control_rate for weight in config.reward.weights]
-    rows = [
-        (f"`{name}`", weight, f"{scale:.6f}", f"{scale * maximum:.6f}", formula)
-        for name, weight, scale, maximum, formula in zip(
-            REWARD_TERMS, config.reward.weights, scaled, MAXIMUM_REWARDS, REWARD_FORMULAS, strict=True
-        )
-    ]
+    rows = []
+    for term in config.rewards:
+        scale = term.weight / config.control_rate
+        most = "" if term.maximum is None else f"{scale * term.maximum:.6f}"
+        rows.append((f"`{term.name}`", term.weight, f"{scale:.6f}", most, term.formula_text))
     return f"""## Reward
 
-Weights are the paper's; each is divided by the control rate. A state that is not finite earns nothing.
+The reward is the sum of the terms below, those of weight 0 left out. Weights are the paper's; each is divided by the
+control rate. A state that is not finite earns nothing. Each term is one kernel of `kernels/rewards.py`, named with its
+weight and its parameters in `kine2go_warp/env/terms/rewards.py`.
 
 {table(("term", "weight", "per step", "at most", "formula before the weight"), rows)}"""
 
@@ -147,18 +199,19 @@ the factor {sampling.memory} in a control step.
 
 def randomization_section() -> str:
     """Return what is drawn for each world."""
-    units = {quantity.name: quantity for quantity in DRAWN_QUANTITIES}
+    parameters = {parameter.name: parameter for parameter in RANDOMIZED_PARAMETERS}
     extra = {
         "push_interval": ("s", "push", "time between two pushes"),
         "push_speed": ("m/s", "push", "horizontal velocity added to the base, in a random direction"),
     }
     rows = []
     for field in fields(RandomizationConfig):
-        if field.name in units:
-            quantity = units[field.name]
-            moment = "world, at start-up" if quantity.when == "world" else "episode"
-            unit = "factor" if quantity.name in FACTORS else quantity.unit
-            rows.append((f"`{field.name}`", unit, moment, quantity.per, quantity.description))
+        if field.name in parameters:
+            parameter = parameters[field.name]
+            moment = "world, at start-up" if parameter.when == "world" else "episode"
+            unit = "factor" if parameter.is_factor else parameter.unit
+            per = parameter.dims[0] if parameter.dims else "world"
+            rows.append((f"`{field.name}`", unit, moment, per, parameter.meaning))
         else:
             unit, moment, description = extra[field.name]
             rows.append((f"`{field.name}`", unit, moment, "world", description))
@@ -196,9 +249,9 @@ Torques fall linearly between the two speeds. The calf's linkage gears its motor
 friction's: a joint at rest is held without creeping. It is part of the motors' kernel; as rows of the solver
 (`frictionloss`, twelve more a world) it took a fifth of the environment's rate.
 
-Joint stops are critically damped with a time constant of {solver.stop_time:g} s, whatever the inertia (`solver.stop_time`). The
-robot's parts collide with the ground alone, or with one another, too (`solver.self_contact`). How far legs are from one
-another, the trunk and the head is recorded as `leg_distance`.
+Joint stops are critically damped with a time constant of {solver.stop_time:g} s, whatever the inertia
+(`solver.stop_time`). The robot's parts collide with the ground alone, or with one another, too (`solver.self_contact`).
+`leg_distance` in the rows of a dataset is how far legs are from one another, the trunk and the head.
 """
 
 

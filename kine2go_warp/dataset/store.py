@@ -1,0 +1,55 @@
+"""What lies at a path: whether it is a dataset that this version reads, and which motions it holds."""
+
+from pathlib import Path
+
+import zarr
+
+from kine2go_warp.dataset.schema import FORMAT_VERSION
+from kine2go_warp.errors import DatasetError
+
+
+def motion_names(path: Path) -> list[str]:
+    """Return the names of the motions in a dataset.
+
+    Raises:
+        DatasetError: there is no dataset at ``path``, or it is of another format version.
+    """
+    if (path.resolve().parent / "zarr.json").is_file():
+        raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.resolve().parent}")
+    if not (path / "zarr.json").is_file():
+        raise DatasetError(f"{path}: {_absence(path)}; make a dataset with 'kine2go gather' or 'kine2go run'")
+    check_version(path)
+    return motion_folders(path)
+
+
+def motion_folders(path: Path) -> list[str]:
+    """Return the names of the motions in a store, of whatever format it is; none if there is no store."""
+    return sorted(folder.parent.name for folder in path.glob("*/zarr.json"))
+
+
+def check_version(path: Path) -> None:
+    """Check that a store is one of ours.
+
+    Raises:
+        DatasetError: it is not, or its format version is another.
+    """
+    try:
+        attributes = dict(zarr.open_group(path, mode="r").attrs)
+    except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
+        raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
+    if attributes.get("format") != "kine2go":
+        raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
+    if attributes.get("format_version") != FORMAT_VERSION:
+        raise DatasetError(
+            f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
+            f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
+        )
+
+
+def _absence(path: Path) -> str:
+    """Return why there is no dataset at a path."""
+    if path.is_file():
+        return "no dataset here, a dataset is a folder and this is a file"
+    if not path.exists():
+        return "no dataset here, nor anything else"
+    return "no dataset here, the folder holds no zarr.json"
