@@ -11,6 +11,7 @@ from kine2go_warp.env.config import ActionConfig, MotorConfig, TerminationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
 from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS
 from tests.env.helpers import STILL, drive
@@ -199,7 +200,7 @@ def swung(environment, joint, speed, torque, steps):
     target[:, joint] += torque / environment.config.motor.stiffness
     seen = []
     for _ in range(steps):
-        environment.output.assign(target)
+        environment.action.assign(target)
         environment.step()
         seen.append((environment.robot.joint_q.numpy()[0, 7 + joint], environment.robot.joint_qd.numpy()[0, 6 + joint]))
     return np.array(seen).T
@@ -259,3 +260,19 @@ def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standin
     unlimited.robot.joint_q.assign(joint_q)
     _, velocity = swung(unlimited, joint, 0.0, sign * 900.0, 20)
     assert np.abs(velocity).max() > reached, "without the line it must be faster"
+
+
+def test_the_reference_keeps_to_the_motors_torque_speed_line(clip):
+    """Inertia of the legs and friction of the joints alone, the base held still, need half of what motors give."""
+    model = mujoco_model(GO2, FAST.env)
+    data, mass = mujoco.MjData(model), np.zeros((18, 18))
+    velocity = clip.joint_velocity.astype(float)
+    acceleration = (np.roll(velocity, -1, 0) - np.roll(velocity, 1, 0)) / (2.0 * clip.frame_duration)
+    torques = []
+    for position, qd, qdd in zip(clip.joint_position, velocity, acceleration, strict=True):
+        data.qpos[:] = np.concatenate([[0, 0, 10, 1, 0, 0, 0], position])
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        torques.append(mass[6:, 6:] @ qdd + np.array(GO2.joint_friction) * np.sign(qd))
+    used = np.abs(torques) / GO2.motor_limits.available(np.array(torques), velocity)
+    assert 0.05 < used.max() < 0.5
