@@ -8,13 +8,14 @@ import itertools
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
 import torch
 import tyro
-import warp as wp
 from rich.progress import track
 from tensordict import TensorDict
 from torch import Tensor, nn
@@ -33,6 +34,8 @@ from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.replay import environment_config
+from kine2go_warp.rollouts.rollout import Actor, roll_out
+from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 from kine2go_warp.scores.statistics import estimate_share
 
 REFERENCE = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
@@ -67,7 +70,7 @@ class Settings:
     seed: int = 12345
     """Of training and comparison; another one than that of the data, so that the worlds are new."""
     json: Path | None = None
-    """Write the figures here, too."""
+    """Write the metrics to this file, too."""
 
     def __post_init__(self) -> None:
         if min(self.batches, self.worlds, self.duration) <= 0 or (
@@ -131,6 +134,13 @@ class Clone(nn.Module):
         normalised = ((observation - self.input_mean) / self.input_deviation).clamp(-5.0, 5.0)
         return self.action_mean + self.action_deviation * self.layers(normalised)
 
+    @torch.no_grad()
+    def act(self, observation: TensorDict, noise: Tensor | float) -> tuple[Tensor, Tensor]:
+        """Return the action twice, as mean and as sample: the clone has no noise."""
+        assert noise == 0.0
+        action = self(observation["policy"])
+        return action, action
+
     def loss(self, window: Batch) -> Tensor:
         """Return the mean squared error in standard deviations of the dataset's actions."""
         # ``action`` is this mean plus noise that nobody can foretell. Earlier noise, however, is seen in the input.
@@ -158,8 +168,8 @@ def train(training: Dataset, validation: Dataset, settings: Settings) -> tuple[C
 
 
 @dataclass(frozen=True)
-class Figures:
-    """How one policy did: root mean square joint error [rad] and mean root error [m], until a world first fails."""
+class Metrics:
+    """Metrics of one policy: root mean square joint error [rad] and mean root error [m], over all rows recorded."""
 
     policy: str
     rollouts: int
@@ -169,25 +179,20 @@ class Figures:
     root_error: float
 
 
-def walk(name: str, env: ImitationVecEnv, act: Callable[[TensorDict], Tensor], warm_up: int, rows: int) -> Figures:
-    """Let a policy act in all worlds from the beginning of their episodes on, and measure after the warm-up."""
-    joint_q, reference = wp.to_torch(env.environment.robot.joint_q), env.environment.reference
-    standing = torch.ones(env.num_envs, dtype=torch.bool)
-    joint_errors, root_errors = [], []
-    observation = env.get_observations()
-    for row in track(range(warm_up + rows), name, transient=True, disable=not sys.stdout.isatty()):
-        observation, *_ = env.step(act(observation))
-        standing &= env.buffers.reason == 0
-        if row >= warm_up:
-            joint_errors.append((joint_q[:, 7:] - wp.to_torch(reference.joint_position))[standing] ** 2)
-            root_errors.append((joint_q[:, :3] - wp.to_torch(reference.root)[:, :3])[standing].norm(dim=-1))
-    share = estimate_share([standing.numpy()])
-    rmse, error = torch.cat(joint_errors).mean().sqrt().item(), torch.cat(root_errors).mean().item()
-    return Figures(name, share.count, (share.value, share.low, share.high), rmse, error)
+def walk(name: str, env: ImitationVecEnv, actor: Actor, noise: Tensor | float, warm_up: int, rows: int) -> Metrics:
+    """Roll a policy out in all worlds from the beginning of their episodes on, and measure after the warm-up."""
+    with TemporaryDirectory() as folder, AsyncRowWriter(Path(folder) / "rows") as writer:
+        recorded = roll_out(env, actor, noise, rows, writer, warm_up)
+        seen = recorded.rows(np.arange(env.num_envs))
+    share = estimate_share([recorded.failure == 0])
+    joints = seen["joint_position"] - seen["reference_joint_position"]
+    root = np.linalg.norm(seen["root_position"] - seen["reference_root_position"], axis=-1)
+    rmse, error = float(np.sqrt(np.nanmean(joints**2))), float(np.nanmean(root))
+    return Metrics(name, share.count, (share.value, share.low, share.high), rmse, error)
 
 
-def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dict, settings: Settings) -> list[Figures]:
-    """Let original and clone walk in the same new worlds, drawn as those of the dataset; return their figures."""
+def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dict, settings: Settings) -> list[Metrics]:
+    """Let original and clone walk in the same new worlds, drawn as those of the dataset; return their metrics."""
     warm_up, rows = (round(time * config.control_rate) for time in (gathered["warm_up"], settings.duration))
     config = replace(config, num_worlds=settings.worlds, seed=settings.seed)
     config = replace(config, episode_time=(warm_up + rows + 2) / config.control_rate)
@@ -198,12 +203,11 @@ def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dic
     environments = (ImitationEnvironment(policy.read_clips(record)[:1], one, "cpu") for one in (config, for_clone))
     env, clone_env = (ImitationVecEnv(environment) for environment in environments)
     original = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), settings.seed)
-    noise = torch.linspace(*gathered["noise"], steps=settings.worlds)[:, None]
-    figures = [walk("original", env, lambda seen: original(seen, 0.0)[0], warm_up, rows)]
+    noise = torch.linspace(*gathered["action_noise_scale"], steps=settings.worlds)[:, None]
+    metrics = [walk("original", env, original, 0.0, warm_up, rows)]
     env.environment.restart(settings.seed)
-    figures += [walk("original with noise", env, lambda seen: original(seen, noise)[1], warm_up, rows)]
-    with torch.no_grad():
-        return [*figures, walk("clone", clone_env, lambda seen: clone(seen["policy"]), warm_up, rows)]
+    metrics += [walk("original with noise", env, original, noise, warm_up, rows)]
+    return [*metrics, walk("clone", clone_env, clone.act, 0.0, warm_up, rows)]
 
 
 def run(settings: Settings) -> None:
@@ -222,17 +226,17 @@ def run(settings: Settings) -> None:
     started = time.perf_counter()
     clone, losses = train(training, validation, settings)
     seconds = time.perf_counter() - started
-    figures = compare(clone, policy, config, attributes["gather_settings"], settings)
+    metrics = compare(clone, policy, config, attributes["gather_settings"], settings)
     trained = f"validation loss {losses[0]:.3f} -> {losses[1]:.4f} in {seconds:.0f} s"
     print(f"{len(chosen)} trajectories, {training.num_rows} rows: {trained}")
     print(f"{name}, {settings.worlds} rollouts of {settings.duration:g} s each:")
     print(f"{'policy':20} {'survival (95 %)':>16} {'joint RMSE':>11} {'root error':>11}")
-    for one in figures:
+    for one in metrics:
         survival = "{:.0%} ({:.0%}-{:.0%})".format(*one.survival)
         print(f"{one.policy:20} {survival:>16} {one.joint_rmse:7.4f} rad {100 * one.root_error:8.1f} cm")
     if settings.json is not None:
         values = {"trajectories": len(chosen), "rows": training.num_rows, "seconds": seconds, "losses": losses}
-        values["policies"] = [asdict(one) for one in figures]
+        values["policies"] = [asdict(one) for one in metrics]
         with atomic_file(settings.json) as temporary:
             temporary.write_text(json.dumps(values, indent=2) + "\n")
 

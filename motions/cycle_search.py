@@ -5,14 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.rotations import heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.signedinteger]
 
-APART = 6
-"""Two candidates whose ends both differ by fewer frames than this are one."""
+LARGEST_OVERLAP = 0.5
+"""Two candidates that share more than this of the frames that either has are one."""
+STEADY = 0.02
+"""The base goes somewhere if it moves by this within the shortest cycle [m]; less is sway and jitter."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +28,14 @@ class CycleCandidate:
     """Distance between the two states, in standard deviations of the motion; 0 is a perfect seam."""
 
 
-def pose_features(targets: PoseTargets) -> Array:
+def pose_features(targets: Poses) -> Array:
     """Return what must agree across a seam: height, tilt and feet as seen from the root, and how they change.
 
     Each is divided by its own standard deviation. Shape [num_frames, num_features].
     """
     yaw = heading(targets.root_orientation)
-    feet = turn_planar(targets.foot_position - targets.root_position[:, None], -yaw[:, None])
+    assert targets.feet is not None
+    feet = turn_planar(targets.feet - targets.root_position[:, None], -yaw[:, None])
     tilt = to_rotation(targets.root_orientation).as_matrix()[:, 2]
     velocity = turn_planar(np.gradient(targets.root_position, axis=0), -yaw)
     pose = np.hstack([targets.root_position[:, 2:], tilt, feet.reshape(len(feet), -1)])
@@ -48,19 +51,19 @@ def seam_scores(features: Array, starts: Indices, ends: Indices) -> Array:
     return np.sqrt(np.maximum(squares, 0.0) / features.shape[1])
 
 
-def seam_score(targets: PoseTargets, start: int, end: int) -> float:
+def seam_score(targets: Poses, start: int, end: int) -> float:
     """Return the distance between two frames, in standard deviations of the motion."""
     return float(seam_scores(pose_features(targets), np.array([start]), np.array([end]))[0, 0])
 
 
-def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -> tuple[int, int]:
+def best_cycle(targets: Poses, start: int, end: int, reach_frames: int) -> tuple[int, int]:
     """Return the best start and end within some frames of the ones given.
 
     Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
     """
-    last = len(targets.time) - 1
+    last = len(targets) - 1
     # A short cycle must not lose its stride to the search.
-    reach = max(min(search_frames, (end - start) // 6), 0)
+    reach = max(min(reach_frames, (end - start) // 6), 0)
     starts = np.arange(max(start - reach, 0), start + reach + 1)
     ends = np.arange(end - reach, min(end + reach, last) + 1)
     if len(ends) == 0 or reach == 0:
@@ -71,7 +74,7 @@ def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -
 
 
 def find_cycles(
-    targets: PoseTargets, min_frames: int, max_frames: int, count: int, travel: float = 0.0
+    targets: Poses, min_frames: int, max_frames: int, count: int, travel: float = 0.0
 ) -> list[CycleCandidate]:
     """Return the best ranges of a whole motion, best first.
 
@@ -83,8 +86,8 @@ def find_cycles(
         travel: Least way that the base must go in a range [m], to leave out standing still.
     """
     features = pose_features(targets)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(targets.root_position[:, :2], axis=0), axis=1))])
     frames = np.arange(len(features))
+    way = way_gone(targets.root_position[:, :2], min_frames)
     found: list[CycleCandidate] = []
     for start in frames:
         ends = frames[start + min_frames : start + max_frames + 1]
@@ -98,8 +101,27 @@ def find_cycles(
         found += [CycleCandidate(int(start), int(ends[index]), float(scores[index])) for index in minima]
     chosen: list[CycleCandidate] = []
     for candidate in sorted(found, key=lambda one: one.score):
-        if all(abs(candidate.start - c.start) >= APART or abs(candidate.end - c.end) >= APART for c in chosen):
+        if all(overlap(candidate, other) <= LARGEST_OVERLAP for other in chosen):
             chosen.append(candidate)
         if len(chosen) == count:
             break
     return chosen
+
+
+def way_gone(position: Array, frames: int) -> Array:
+    """Return how far the base has gone until each frame [m], shape [num_frames], sway and jitter left out.
+
+    Args:
+        position: Of the base in the ground plane [m], shape [num_frames, 2].
+        frames: Over which it must get somewhere.
+    """
+    index = np.arange(len(position))
+    after, before = np.minimum(index + frames // 2, len(position) - 1), np.maximum(index - (frames + 1) // 2, 0)
+    moved = np.linalg.norm(position[after] - position[before], axis=1)
+    return np.cumsum(np.where(moved >= STEADY, moved / np.maximum(after - before, 1), 0.0))
+
+
+def overlap(one: CycleCandidate, other: CycleCandidate) -> float:
+    """Return the share of the frames of both ranges that either has."""
+    shared = max(min(one.end, other.end) - max(one.start, other.start), 0)
+    return shared / (one.end - one.start + other.end - other.start - shared)

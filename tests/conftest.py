@@ -24,12 +24,13 @@ from kine2go_warp.motions.clip import MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
-from kine2go_warp.rollouts.quality import judge
+from kine2go_warp.rollouts.quality import filter_rollouts
 from tests.walks import write_walks
 
 REPOSITORY = Path(__file__).parent.parent
@@ -76,17 +77,20 @@ def clip(solver: InverseKinematics) -> MotionClip:
 def standing_clip(clip: MotionClip) -> MotionClip:
     """A clip of the robot standing in its default pose."""
     frames = 10
-    return assemble_clip(
-        "standing",
-        1.0 / 60.0,
+    poses = Poses(
         np.tile([0.0, 0.0, GO2.default_root_height], (frames, 1)),
         np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
         np.tile(GO2.default_joint_position, (frames, 1)),
-        np.ones((frames, 4)),
-        np.zeros(frames),
-        CycleStep(0.0, 0.0, 0.0),
-        clip.origin,
+    )
+    return assemble_clip(
+        poses,
         GO2,
+        name="standing",
+        frame_duration=1.0 / 60.0,
+        stance=np.ones((frames, 4)),
+        residual=np.zeros(frames),
+        cycle=CycleStep(0.0, 0.0, 0.0),
+        origin=clip.origin,
     )
 
 
@@ -128,7 +132,7 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)
     trajectories = replace(motion.trajectories, draws={**motion.trajectories.draws, "length": length})
     rows = trajectories.padded().rows
-    trajectories.groups["quality"] = judge(rows, np.zeros(5, int), loose, 1.0 / 60.0, GO2).quality
+    trajectories.groups["quality"] = filter_rollouts(rows, np.zeros(5, int), loose, 1.0 / 60.0, GO2).quality
     root = zarr.open_group(folder / "gathered.zarr", mode="r").attrs
     simulation = SimulationAttributes(**{name: root[name] for name in SimulationAttributes.__dataclass_fields__})
     DatasetWriter(folder / "dataset.zarr", GO2).write("dog_trot", trajectories, simulation, motion.attributes)

@@ -1,6 +1,7 @@
 """What ARCHITECTURE.md promises of imports, read from the code and seen in running processes."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -104,6 +105,45 @@ def test_imports_run_one_way(part):
     for path in files:
         beyond = imported_parts(path) - ALLOWED[part] - LEAVES
         assert not beyond, f"{path.relative_to(REPOSITORY)} imports {beyond}"
+
+
+def module_files() -> dict[str, Path]:
+    """All files of the package by the name under which they are imported."""
+    files = {}
+    for part in ALLOWED:
+        folder = folder_of(part)
+        for path in folder.rglob("*.py"):
+            pieces = (part, *path.relative_to(folder).with_suffix("").parts)
+            files[".".join(("kine2go_warp", *pieces)).removesuffix(".__init__")] = path
+    return files
+
+
+def imported_modules(path: Path, known: set[str]) -> set[str]:
+    """The files of the package that a file imports, also inside functions, but not for type checking alone."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            node.body = []
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            # A name is a file of the folder, or is defined in the file.
+            names |= {name if (name := f"{node.module}.{alias.name}") in known else node.module for alias in node.names}
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+    return names & known
+
+
+def test_no_file_imports_itself_by_way_of_others_also_inside_functions():
+    files = module_files()
+    imports = {name: imported_modules(path, set(files)) for name, path in files.items()}
+    sorter = graphlib.TopologicalSorter(imports)
+    try:
+        sorter.prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(" <- ".join(error.args[1]))
+    assert len(files) > 200
+    assert sum(map(len, imports.values())) > 500, "imports are found"
 
 
 def test_every_part_of_the_package_is_in_the_table():

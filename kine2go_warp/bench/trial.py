@@ -27,7 +27,7 @@ from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.recorder import RolloutRecorder
-from kine2go_warp.rollouts.spool import RowSpool
+from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 
 Rows = dict[str, NDArray]
 
@@ -161,15 +161,15 @@ def roll_out(env: ImitationVecEnv, actor: NoisyPolicy, noise: torch.Tensor) -> t
     alive = torch.ones_like(reason, dtype=torch.bool)
     survived = torch.zeros_like(reason)
     observation = env.get_observations()
-    with tempfile.TemporaryDirectory() as folder, RowSpool(Path(folder) / "rows") as spool:
+    with tempfile.TemporaryDirectory() as folder, AsyncRowWriter(Path(folder) / "rows") as spool:
         recorder = RolloutRecorder(environment, spool)
         for row in range(num_rows):
             if row % ROWS_BETWEEN_LOOKS == 0 and not bool(alive.any()):
                 break
             mean, output = actor(observation, noise)
-            recorder.record_state()
+            recorder.record_state(mean)
             observation, *_ = env.step(output)
-            recorder.record_action(mean, output)
+            recorder.record_action()
             alive &= reason == 0
             survived += alive.int()
         recorder.finish()

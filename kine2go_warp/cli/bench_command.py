@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from kine2go_warp.cli.data import data_folder
-from kine2go_warp.errors import Kine2GoError, RecordingError
+from kine2go_warp.errors import Kine2GoError
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
-    from kine2go_warp.learning.presets import Preset
-    from kine2go_warp.motions.clip import MotionClip
 
 Stage = Literal["env", "train", "retarget", "gather", "load"]
 
@@ -42,8 +40,6 @@ class Bench:
     """Rows of a rollout of gather."""
     dataset: Path | None = None
     """Dataset to load."""
-    rerun: bool = False
-    """With train: how much streaming to a Rerun viewer's server slows it (the viewer itself draws nothing)."""
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False
@@ -106,23 +102,4 @@ class Bench:
         if stage == "gather":
             num_worlds = self.num_worlds or (64 if device == "cpu" else 4096)
             return bench_gathering(clip, device, self.repeats, num_worlds, self.rows)
-        if self.rerun:
-            return self._measure_watching(clip, preset, device)
         return bench_training(clip, preset, device, self.repeats, self.processes)
-
-    def _measure_watching(self, clip: "MotionClip", preset: "Preset", device: str) -> "BenchReport":
-        """Compare training that is watched with training that is not."""
-        from kine2go_warp.bench.watching import bench_watching
-        from kine2go_warp.recordings.live import ViewerSink
-        from kine2go_warp.recordings.training import TrainingRecording
-        from kine2go_warp.recordings.viewer import WebViewer
-
-        server = WebViewer.start([])
-        try:
-            with TrainingRecording("bench", ViewerSink(server.source)) as audience:
-                report = bench_watching(clip, preset, device, self.repeats, self.processes, audience)
-        finally:
-            server.stop()
-        if audience.problem:
-            raise RecordingError(f"the stream broke off: {audience.problem}")
-        return report

@@ -38,7 +38,7 @@ class Gather:
         """Gather with a progress bar and print a table."""
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.cli.tables import print_rejections, print_summaries
-        from kine2go_warp.dataset.summary import summarise_motion
+        from kine2go_warp.dataset.summary import summarise
         from kine2go_warp.dataset.writer import DatasetWriter
         from kine2go_warp.learning.policy import PolicyFolder
         from kine2go_warp.robots import GO2
@@ -53,7 +53,7 @@ class Gather:
                 progress.stage(motion, "gather")
                 writer = DatasetWriter(self.out, GO2)
                 results.append(gather(policy, writer, self.config, self.device, progress.advanced, self.strict, motion))
-        print_summaries([summarise_motion(self.out, motion) for motion in motions], self.out)
+        print_summaries(summarise(self.out, motions), self.out)
         for result in results:
             print_rejections(result)
         return 0

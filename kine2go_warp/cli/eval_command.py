@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from kine2go_warp.evaluation.figures import Result
+    from kine2go_warp.evaluation.metrics import Result
 
 HEADLINES = {
     "joint_rmse": "joint\nRMSE\n[rad]",
@@ -27,7 +27,7 @@ HEADLINES = {
     "power": "power\n[W]",
     "cost_of_transport": "cost of\ntransport\n[1]",
 }
-"""Figures that are shown, with their headings."""
+"""Metrics that are shown, with their headings."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Eval:
             for clip in dict.fromkeys(one.clip for one in results)
         ]
         print_results(policy.path, self.config, results)
-        print(f"{path}: all figures with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
+        print(f"{path}: all metrics with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
         return 0
 
 
@@ -97,18 +97,18 @@ def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]")
     from rich.table import Table
 
     from kine2go_warp.cli.tables import console
-    from kine2go_warp.evaluation.figures import TARGET_SURVIVAL, TARGETS
+    from kine2go_warp.evaluation.metrics import MIN_SURVIVAL, THRESHOLDS
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
     table = Table(title=escape(title), title_justify="left")
     add_columns(table, "condition")
-    table.add_column("meets\ntargets", justify="right")
+    table.add_column("meets\nthresholds", justify="right")
     for one in results:
-        table.add_row(*cells(one), "yes" if one.meets_targets else "no")
+        table.add_row(*cells(one), "yes" if one.meets_thresholds else "no")
     output = console()
     output.print(table)
-    targets = ", ".join(f"{name} <= {value:g}" for name, value in TARGETS.items())
-    output.print(f"targets: {targets}, survival >= {TARGET_SURVIVAL:g}", highlight=False, soft_wrap=True)
+    thresholds = ", ".join(f"{name} <= {value:g}" for name, value in THRESHOLDS.items())
+    output.print(f"thresholds: {thresholds}, survival >= {MIN_SURVIVAL:g}", highlight=False, soft_wrap=True)
     print_early_ends(output, results)
 
 

@@ -45,7 +45,7 @@ class RecipeOptions:
     seed: int | None = None
     """Seed of training and gathering, instead of the recipe's."""
     set: tuple[str, ...] = ()
-    """Any other settings, as KEY=VALUE: train.preset=paper train.ppo.entropy_coef=0.01 gather.noise='[0, 1]'."""
+    """Any other settings, as KEY=VALUE: train.ppo.entropy_coef=0.01 gather.action_noise_scale='[0, 1]'."""
 
     def resolved(self) -> "Recipe":
         """Return the recipe with everything replaced.
@@ -137,10 +137,10 @@ class Run(RecipeOptions):
     def _print(self, result: "RunResult", workspace: "Workspace") -> None:
         """Print what the dataset holds now."""
         from kine2go_warp.cli.tables import print_summaries
-        from kine2go_warp.dataset.summary import summarise_motion
+        from kine2go_warp.dataset.summary import summarise
 
         if result.finished:
-            summaries = [summarise_motion(workspace.dataset, motion) for motion in result.finished]
+            summaries = summarise(workspace.dataset, result.finished)
             print_summaries(summaries, workspace.dataset, workspace.root / "recordings")
 
     def _report(self, workspace: "Workspace") -> None:

@@ -65,7 +65,7 @@ class Sim2Sim:
         path = self.json or policy.path / "sim2sim.json"
         write_comparison(policy, config, found, device, path)
         print_comparisons(policy.path, config, found)
-        print(f"{path}: all figures with intervals and of every rollout")
+        print(f"{path}: all metrics with intervals and of every rollout")
         return 0
 
 

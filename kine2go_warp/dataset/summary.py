@@ -1,6 +1,7 @@
 """A table of what a dataset holds, computed from the data written."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,10 +33,10 @@ class MotionSummary:
     """[m]"""
 
 
-def summarise(path: Path) -> list[MotionSummary]:
-    """Return a summary of every motion in a dataset."""
+def summarise(path: Path, motions: Sequence[str] | None = None) -> list[MotionSummary]:
+    """Return a summary of each of some motions of a dataset, by default of all."""
     dataset = open_dataset(path)
-    return [summarise_motion(dataset, motion) for motion in dataset.motions]
+    return [summarise_motion(dataset, motion) for motion in (dataset.motions if motions is None else motions)]
 
 
 def summarise_motion(dataset: Dataset, motion: str) -> MotionSummary:

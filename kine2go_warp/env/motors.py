@@ -43,9 +43,21 @@ class Motors:
         reference_step: wp.array,
     ) -> None:
         """Turn the policy's action into joint targets and queue them."""
+        self.compute_targets(action, clips, placement, reference_step, self.joint_target)
+        self.queue_targets(self.joint_target, reference_step)
+
+    def compute_targets(
+        self,
+        action: wp.array,
+        clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+        reference_step: wp.array,
+        joint_target: wp.array,
+    ) -> None:
+        """Write the joint targets [rad] that follow from the policy's action, both of shape [num_worlds, 12]."""
         settings, shape = self.config.action, self.joint_target.shape
         if settings.mode == "default_offset":
-            inputs = [action, self.constants.default_position, settings.scale, settings.clip, self.joint_target]
+            inputs = [action, self.constants.default_position, settings.scale, settings.clip, joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
         elif settings.mode in ("residual_ff", "residual"):
             lead = self.config.motor.damping / self.config.motor.stiffness
@@ -58,12 +70,11 @@ class Motors:
                 lead if settings.mode == "residual_ff" else 0.0,
                 settings.scale,
                 settings.clip,
-                self.joint_target,
+                joint_target,
             ]
             wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
-            wp.copy(self.joint_target, action)
-        self.queue_targets(self.joint_target, reference_step)
+            wp.copy(joint_target, action)
 
     def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:
         """Queue joint targets [rad], shape [num_worlds, 12]."""

@@ -1,23 +1,17 @@
 """Settings of an evaluation."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from kine2go_warp.env.config import (
-    EnvConfig,
-    PhaseSamplingConfig,
-    RandomizationConfig,
-    ResetConfig,
-    TerminationConfig,
-)
+from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerminationConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import ROBUST
-from kine2go_warp.rollouts.config import MILD
+from kine2go_warp.rollouts.config import MILD, rollout_environment
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-"""Multiples of it fill a circle evenly, whatever their number, and out of step with the phases."""
+"""Multiples of it fill a circle evenly, whatever their number, and are not correlated with the phases."""
 
 RANDOMIZATIONS = {"mild": MILD, "robust": ROBUST.env.randomization}
 """Named ranges: those of gathering, and those that the preset ``robust`` trains with."""
@@ -28,7 +22,7 @@ class EvalConfig:
     """Settings of an evaluation."""
 
     worlds: int = 64
-    """Rollouts of each clip under each condition; their beginnings are spread evenly over the cycle."""
+    """Rollouts of each clip under each condition; their initial phases and headings are evenly spaced."""
     seconds: float = 20.0
     """Length of a rollout [s]."""
     randomization: Literal["mild", "robust"] = "mild"
@@ -53,24 +47,15 @@ class EvalConfig:
 
     def environment(self, trained: EnvConfig, randomised: bool, num_worlds: int) -> EnvConfig:
         """Return the environment to evaluate in: that of the training, with the same limits for every policy."""
-        return replace(
-            trained,
-            num_worlds=num_worlds,
-            seed=self.seed,
-            # So long that no rollout ends by its time.
-            episode_time=self.seconds + 1.0,
-            reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
-            termination=TerminationConfig(self.max_distance, self.max_angle),
-            randomization=RANDOMIZATIONS[self.randomization] if randomised else RandomizationConfig(),
-            phase_sampling=PhaseSamplingConfig(),
-            privileged=False,
-        )
+        limits = TerminationConfig(self.max_distance, self.max_angle)
+        randomization = RANDOMIZATIONS[self.randomization] if randomised else RandomizationConfig()
+        return rollout_environment(trained, num_worlds, self.seed, self.seconds + 1.0, limits, randomization)
 
-    def start_phases(self) -> np.ndarray:
-        """Return where in the cycle the rollouts begin, in the middle of equal parts, shape [worlds]."""
+    def initial_phases(self) -> np.ndarray:
+        """Return the initial phases, the middles of equal parts of the cycle, shape [worlds]."""
         return ((np.arange(self.worlds) + 0.5) / self.worlds).astype(np.float32)
 
-    def start_headings(self) -> np.ndarray:
-        """Return the headings that the rollouts begin with, all round [rad], shape [worlds]."""
+    def initial_headings(self) -> np.ndarray:
+        """Return the initial headings, evenly spaced [rad], shape [worlds]."""
         turns = (np.arange(self.worlds) * GOLDEN) % 1.0
         return (2.0 * np.pi * turns - np.pi).astype(np.float32)

@@ -1,23 +1,19 @@
 """A policy under four conditions: with and without noise on its actions, with and without randomisation and pushes."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from kine2go_warp.device import choose_device
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.evaluation.figures import Result, measure
+from kine2go_warp.evaluation.metrics import Result, measure
 from kine2go_warp.evaluation.newton import NewtonRollouts
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.vec_env import share_stream
+from kine2go_warp.rollouts.config import ProgressCallback
 
 NOISES = {"deterministic": 0.0, "stochastic": 1.0}
 """Noise on the actions, in standard deviations of the policy."""
 WORLDS = {"plain": False, "randomised": True}
 """Whether the worlds differ and the robots are pushed."""
-
-ProgressCallback = Callable[[int, int, str], None]
-"""Called with what is done, the total, and details in words."""
 
 
 def condition_name(noise: str, world: str) -> str:

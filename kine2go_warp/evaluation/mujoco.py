@@ -15,10 +15,10 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.evaluation.newton import Batch, Rows, Starts
 from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2, MotorLimits, RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
+from kine2go_warp.rollouts.rollout import InitialStates, RecordedRollouts, Rows
 
 
 @dataclass
@@ -67,19 +67,21 @@ class MujocoRollouts:
         )
         self.robot = MujocoRobot(trained, spec, motors)
 
-    def run(self, clip: int, starts: Starts, on_rollout: Callable[[int], None] | None = None) -> Batch:
-        """Roll out from the given beginnings, one after the other.
+    def run(
+        self, clip: int, initial: InitialStates, on_rollout: Callable[[int], None] | None = None
+    ) -> RecordedRollouts:
+        """Roll out from the given initial states, one after the other.
 
         Args:
             clip: Index of the clip.
-            starts: Where the rollouts begin.
+            initial: Where the rollouts begin.
             on_rollout: Called with the number of those that are done.
         """
         controller, tracks = PolicyController(self.policy, clip), []
-        for index in range(len(starts.phase)):
-            self.robot.set_state(starts.joint_q[index], starts.joint_qd[index])
+        for index in range(len(initial.phase)):
+            self.robot.set_state(initial.joint_q[index], initial.joint_qd[index])
             self.robot.torque = np.zeros(12)
-            controller.begin(float(starts.phase[index]), (0.0, 0.0), float(starts.heading[index]))
+            controller.begin(float(initial.phase[index]), (0.0, 0.0), float(initial.heading[index]))
             tracks.append(self._roll_out(controller))
             if on_rollout is not None:
                 on_rollout(index + 1)
@@ -89,7 +91,8 @@ class MujocoRollouts:
         def read(name: str, chosen: NDArray) -> NDArray:
             return np.stack([completed[index][name] for index in chosen])
 
-        return Batch(tuple(completed[0]), read, length, np.array([track.failure for track in tracks]), starts)
+        failure = np.array([track.failure for track in tracks])
+        return RecordedRollouts(tuple(completed[0]), read, length, failure, initial)
 
     def measured(self) -> MeasuredState:
         """Return what the robot measures now."""

@@ -1,14 +1,11 @@
-"""Rollouts of a policy in Newton from chosen beginnings."""
+"""Rollouts of a policy in Newton from chosen initial states."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
-import warp as wp
-from numpy.typing import NDArray
 
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.episodes import EpisodeStart
@@ -17,47 +14,8 @@ from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.rollouts.campaign import read_whole
-from kine2go_warp.rollouts.recorder import RolloutRecorder
-from kine2go_warp.rollouts.spool import RowSpool
-
-STEPS_BETWEEN_LOOKS = 60
-"""Control steps after which it is looked whether anybody still stands, and progress is told."""
-
-Rows = dict[str, NDArray]
-
-
-@dataclass(frozen=True)
-class Starts:
-    """Where rollouts begin; the first axis of each is the rollout."""
-
-    phase: NDArray
-    """Place in the cycle, in [0, 1)."""
-    heading: NDArray
-    """Turn of the reference [rad]."""
-    joint_q: NDArray
-    """Coordinates as in the environment, shape [num_rollouts, 19]."""
-    joint_qd: NDArray
-    """Velocities as in the environment, shape [num_rollouts, 18]."""
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Rollouts of equal length, as far as they came."""
-
-    names: tuple[str, ...]
-    """Names of the arrays that there are of every row."""
-    read: Callable[[str, NDArray], NDArray]
-    """Returns one of them for some rollouts, NaN where they had ended, shape [num_chosen, num_rows, ...]."""
-    length: NDArray
-    """Rows of each rollout, shape [num_rollouts]."""
-    failure: NDArray
-    """Why each rollout ended early, a number of ``REASON_NAMES``, 0 if it did not."""
-    starts: Starts
-
-    def rows(self, chosen: NDArray) -> Rows:
-        """Return all arrays of some rollouts."""
-        return {name: self.read(name, chosen) for name in self.names}
+from kine2go_warp.rollouts.rollout import RecordedRollouts, roll_out
+from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 
 
 class NewtonRollouts:
@@ -102,51 +60,21 @@ class NewtonRollouts:
     def __exit__(self, *_: object) -> None:
         self._folder.cleanup()
 
-    def run(self, clip: int, on_step: Callable[[int], None] | None = None) -> Batch:
-        """Roll out all worlds on one clip. It overwrites the files of the clip before.
+    def run(self, clip: int, on_progress: Callable[[int], None] | None = None) -> RecordedRollouts:
+        """Roll out all worlds on one clip, from the same initial states for every noise.
+
+        It overwrites the files of the clip before.
 
         Args:
             clip: Index of the clip.
-            on_step: Called now and then with the control steps done.
+            on_progress: Called now and then with the control steps done.
         """
-        starts = self._begin(clip)
-        reason = wp.to_torch(self.environment.episodes.reason)
-        failure, survived = torch.zeros_like(reason), torch.zeros_like(reason)
-        observation = self.env.get_observations()
-        with RowSpool(Path(self._folder.name) / "rows") as spool:
-            recorder = RolloutRecorder(self.environment, spool)
-            for step in range(self.num_rows):
-                mean, output = self.actor(observation, self.noise)
-                recorder.record_state()
-                observation, *_ = self.env.step(output)
-                recorder.record_action(mean, output)
-                failure = torch.where(failure == 0, reason, failure)
-                survived += (failure == 0).int()
-                if (step + 1) % STEPS_BETWEEN_LOOKS == 0:
-                    if on_step is not None:
-                        on_step(step + 1)
-                    if bool((failure > 0).all()):
-                        break
-            recorder.finish()
-            spool.close()
-        # The row in which a rollout failed is whole, but for its action, which led to no state.
-        length = (survived + (failure > 0).int()).cpu().numpy()
-
-        def read(name: str, chosen: NDArray) -> NDArray:
-            values = read_whole(spool, name, chosen, self.num_rows)
-            values[np.arange(self.num_rows) >= length[chosen][:, None]] = np.nan
-            return values
-
-        return Batch(spool.names, read, length, failure.cpu().numpy(), starts)
-
-    def _begin(self, clip: int) -> Starts:
-        """Begin an episode in each world, the same for every noise."""
-        environment, repeats = self.environment, len(self.noise) // self.config.worlds
+        repeats = len(self.noise) // self.config.worlds
         phase, heading = (
-            np.tile(values, repeats) for values in (self.config.start_phases(), self.config.start_headings())
+            np.tile(values, repeats) for values in (self.config.initial_phases(), self.config.initial_headings())
         )
         starts = EpisodeStart(np.full(len(phase), clip, np.int32), phase, heading)
-        environment.restart(self.config.seed, starts=starts)
+        self.environment.restart(self.config.seed, starts=starts)
         self.actor.generator.manual_seed(self.config.seed)
-        robot = environment.robot
-        return Starts(phase, heading, robot.joint_q.numpy().copy(), robot.joint_qd.numpy().copy())
+        with AsyncRowWriter(Path(self._folder.name) / "rows") as writer:
+            return roll_out(self.env, self.actor, self.noise, self.num_rows, writer, on_progress=on_progress)

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from kine2go_warp.evaluation.evaluate import NOISES, WORLDS, condition_name
-from kine2go_warp.evaluation.figures import TARGETS, Result
+from kine2go_warp.evaluation.metrics import THRESHOLDS, Result
 from kine2go_warp.scores.plots import COLOURS, PHASE_BINS, new_figure, save
 
 PANELS = (
     ("joint_error", "joint_rmse", "joint RMSE [rad]", 1.0),
     ("root_error", "root_error", "root error [cm]", 100.0),
 )
-"""Curve, the figure that has a target, label, and factor to the label's unit."""
+"""Curve, the metric that has a threshold, label, and factor to the label's unit."""
 
 
 def draw_phases(clip: str, results: Sequence[Result], path: Path) -> Path:
@@ -29,16 +29,15 @@ def draw_phases(clip: str, results: Sequence[Result], path: Path) -> Path:
     figure = new_figure(9.0, 5.5)
     figure.suptitle(f"{clip}: error over the reference cycle, median and 10-90 % of rows", fontsize="medium")
     panels = figure.subplots(len(PANELS), len(WORLDS), sharex=True, sharey="row", squeeze=False)
-    for row, (curve, target, label, factor) in enumerate(PANELS):
+    for row, (curve, metric, label, factor) in enumerate(PANELS):
         for column, world in enumerate(WORLDS):
             axes = panels[row][column]
             for colour, noise in zip(COLOURS, NOISES, strict=False):
                 low, middle, high = factor * getattr(found[condition_name(noise, world)], curve)
                 axes.fill_between(phase, low, high, color=colour, alpha=0.25, linewidth=0.0)
                 axes.plot(phase, middle, color=colour, label=noise)
-            axes.axhline(
-                factor * TARGETS[target], color="0.3", linestyle="--", linewidth=1.0, label="target of the mean"
-            )
+            threshold = factor * THRESHOLDS[metric]
+            axes.axhline(threshold, color="0.3", linestyle="--", linewidth=1.0, label="threshold of the mean")
             axes.set_xlim(0.0, 1.0)
             axes.set_ylim(bottom=0.0)
             axes.grid(color="0.9")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.evaluation.figures import METRICS_BY_NAME, NEWTON_FIGURES, TARGET_SURVIVAL, TARGETS, Result
+from kine2go_warp.evaluation.metrics import METRICS_BY_NAME, MIN_SURVIVAL, NEWTON_METRIC_NAMES, THRESHOLDS, Result
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.revision import revision
@@ -19,7 +19,7 @@ from kine2go_warp.settings import to_dictionary
 if TYPE_CHECKING:
     from kine2go_warp.evaluation.sim2sim import Comparison
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 def write_evaluation(
@@ -28,9 +28,9 @@ def write_evaluation(
     """Write settings and results of an evaluation, whole or not at all."""
     env = policy.read_record().preset.env
     values = {
-        **heading(policy, config, device),
+        **header(policy, config, device),
         "randomised_environment": to_dictionary(config.environment(env, True, config.worlds)),
-        "targets": {**TARGETS, "survival": TARGET_SURVIVAL},
+        "thresholds": {**THRESHOLDS, "survival": MIN_SURVIVAL},
         "results": [described(one, env.control_rate) for one in results],
     }
     write(values, path)
@@ -49,10 +49,10 @@ def write_comparison(
         }
         for one in found
     ]
-    write({**heading(policy, config, device), "clips": clips}, path)
+    write({**header(policy, config, device), "clips": clips}, path)
 
 
-def heading(policy: PolicyFolder, config: EvalConfig, device: str) -> dict[str, Any]:
+def header(policy: PolicyFolder, config: EvalConfig, device: str) -> dict[str, Any]:
     """Return what was evaluated, how, and with what software."""
     return {
         "format_version": FORMAT_VERSION,
@@ -62,7 +62,7 @@ def heading(policy: PolicyFolder, config: EvalConfig, device: str) -> dict[str, 
         "checkpoint_sha256": policy.checkpoint_hash(),
         "device": device,
         "settings": to_dictionary(config),
-        "units": {name: METRICS_BY_NAME[name].unit for name in NEWTON_FIGURES},
+        "units": {name: METRICS_BY_NAME[name].unit for name in NEWTON_METRIC_NAMES},
     }
 
 
@@ -74,18 +74,18 @@ def write(values: dict[str, Any], path: Path) -> None:
 
 def described(result: Result, control_rate: float) -> dict[str, Any]:
     """Return a result as JSON values."""
-    figures = {name: estimate_values(result.estimate(name)) for name in result.figures}
+    metrics = {name: estimate_values(result.estimate(name)) for name in result.metrics}
     return {
         "clip": result.clip,
         "condition": result.condition,
-        "meets_targets": result.meets_targets,
+        "meets_thresholds": result.meets_thresholds,
         "survival": estimate_values(result.survival),
         "ended_early": result.reasons,
-        **figures,
+        **metrics,
         "rollouts": {
-            "start_phase": [round(float(value), 6) for value in result.start_phase],
+            "initial_phase": [round(float(value), 6) for value in result.initial_phase],
             "seconds": [round(int(rows) / control_rate, 4) for rows in result.length],
-            **{name: [finite(float(value)) for value in values] for name, values in result.figures.items()},
+            **{name: [finite(float(value)) for value in values] for name, values in result.metrics.items()},
         },
     }
 

@@ -1,4 +1,4 @@
-"""The exported policy in plain MuJoCo beside the policy in Newton, from the same beginnings."""
+"""The exported policy in plain MuJoCo beside the policy in Newton, from the same initial states."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,16 @@ from kine2go_warp.deployment.controller import ExportedPolicy
 from kine2go_warp.device import choose_device
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.evaluation.evaluate import ProgressCallback
-from kine2go_warp.evaluation.figures import FIGURES, Result, measure
+from kine2go_warp.evaluation.metrics import METRIC_NAMES, Result, measure
 from kine2go_warp.evaluation.mujoco import MujocoRollouts
-from kine2go_warp.evaluation.newton import Batch, NewtonRollouts
+from kine2go_warp.evaluation.newton import NewtonRollouts
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.vec_env import share_stream
+from kine2go_warp.rollouts.config import ProgressCallback
+from kine2go_warp.rollouts.rollout import RecordedRollouts
 
 HORIZONS = (0.5, 1.0, 5.0, 20.0)
-"""Times after which it is told how far the two simulations are apart [s]."""
+"""Times at which the distance between the two simulations is reported [s]."""
 
 
 @dataclass(frozen=True)
@@ -63,24 +64,24 @@ def sim2sim(
     with NewtonRollouts(policy, record, clips, config, (0.0,), False, device) as newton:
         for index, clip in enumerate(clips):
 
-            def told(done: int, engine: str, before: int = index * per_clip, name: str = clip.name) -> None:
+            def report(done: int, engine: str, before: int = index * per_clip, name: str = clip.name) -> None:
                 if on_progress is not None:
                     on_progress(before + done, per_clip * len(clips), f"{name}, {engine}")
 
-            one = newton.run(index, lambda step, told=told: told(step, "Newton"))
-            other = mujoco.run(index, one.starts, lambda done, told=told: told(rows + done, "MuJoCo"))
+            one = newton.run(index, lambda step, report=report: report(step, "Newton"))
+            other = mujoco.run(index, one.initial, lambda done, report=report: report(rows + done, "MuJoCo"))
             time = trained.control_duration
             found.append(
                 Comparison(
-                    newton=measure(one, everyone, clip.name, "Newton", time, mujoco.spec, FIGURES),
-                    mujoco=measure(other, everyone, clip.name, "MuJoCo", time, mujoco.spec, FIGURES),
+                    newton=measure(one, everyone, clip.name, "Newton", time, mujoco.spec, METRIC_NAMES),
+                    mujoco=measure(other, everyone, clip.name, "MuJoCo", time, mujoco.spec, METRIC_NAMES),
                     apart=apart(one, other, everyone, trained.control_rate),
                 )
             )
     return found
 
 
-def apart(one: Batch, other: Batch, chosen: NDArray, control_rate: float) -> dict[float, float]:
+def apart(one: RecordedRollouts, other: RecordedRollouts, chosen: NDArray, control_rate: float) -> dict[float, float]:
     """Return how far the roots of the same rollouts are apart after some times [m], the median of those that last."""
     distance = np.linalg.norm(one.read("root_position", chosen) - other.read("root_position", chosen), axis=-1)
     found = {}

@@ -1,12 +1,16 @@
-"""Settings of the gathering stage."""
+"""Settings of the gathering stage, and the environment that policies are rolled out in."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, RandomizationConfig, ResetConfig, TerminationConfig
 from kine2go_warp.errors import DatasetError
 
+ProgressCallback = Callable[[int, int, str], None]
+"""Called with what is done, the total, and details in words."""
+
 CPU_WORLDS, CUDA_WORLDS = 128, 4096
-"""Most rollouts run at once, unless told otherwise."""
+"""Most rollouts run at once where ``num_worlds`` is not set."""
 
 MILD = RandomizationConfig(base_mass=(-0.3, 0.7), friction=(0.6, 1.0), push_interval=(3.0, 6.0), push_speed=(0.0, 0.2))
 """What differs between rollouts by default: little enough for a policy that was trained without it."""
@@ -22,15 +26,15 @@ class GatherConfig:
     """Rows of a trajectory after the trim; by default those of the paper's table, 571 for other motions."""
     warm_up: float = 0.5
     """Dropped from the beginning of each rollout, where the policy gets in step with the reference [s]."""
-    noise: tuple[float, float] = (0.5, 1.0)
+    action_noise_scale: tuple[float, float] = (0.5, 1.0)
     """Noise on the actions, in standard deviations of the policy, drawn for each rollout from this range."""
     seed: int = 1
     num_worlds: int | None = None
     """Rollouts run at once; by default as many as are wanted, at most 128 on a CPU and 4096 on a GPU."""
-    budget: float = 4.0
-    """Rollouts run at most, as a multiple of those wanted; then those that were accepted are kept."""
-    least_accepted: float = 0.5
-    """Share of the wanted rollouts that must be accepted within the budget, or none are kept."""
+    max_attempts: float = 4.0
+    """Most rollouts run, as a multiple of those wanted; then those that were accepted are kept."""
+    min_acceptance: float = 0.5
+    """Share of the wanted rollouts that must be accepted within ``max_attempts``, or none are kept."""
     keep_rejected: bool = False
     """Store rejected rollouts, too, in a group of their own."""
     max_distance: float = 0.4
@@ -61,12 +65,14 @@ class GatherConfig:
     def __post_init__(self) -> None:
         if self.trajectories < 1 or (self.rows is not None and self.rows < 2):
             raise DatasetError("trajectories must be at least 1 and rows at least 2")
-        if not 0.0 <= self.noise[0] <= self.noise[1] or self.warm_up < 0.0 or self.seed < 0:
-            raise DatasetError("noise needs 0 <= least <= greatest, and warm-up and seed must not be negative")
-        if self.budget < 1.0 or (self.num_worlds is not None and self.num_worlds < 1):
-            raise DatasetError("budget and num-worlds must be at least 1")
-        if not 0.0 <= self.least_accepted <= 1.0:
-            raise DatasetError("least-accepted must be between 0 and 1")
+        if not 0.0 <= self.action_noise_scale[0] <= self.action_noise_scale[1] or self.warm_up < 0.0 or self.seed < 0:
+            raise DatasetError(
+                "action-noise-scale needs 0 <= lowest <= highest, and warm-up and seed must not be negative"
+            )
+        if self.max_attempts < 1.0 or (self.num_worlds is not None and self.num_worlds < 1):
+            raise DatasetError("max-attempts and num-worlds must be at least 1")
+        if not 0.0 <= self.min_acceptance <= 1.0:
+            raise DatasetError("min-acceptance must be between 0 and 1")
         for name, value in vars(self).items():
             if name.startswith("max_") and value <= 0.0:
                 raise DatasetError(f"{name.replace('_', '-')} must be positive")
@@ -79,14 +85,38 @@ class GatherConfig:
     def environment(self, trained: EnvConfig, rows: int, num_worlds: int) -> EnvConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
-        return replace(
-            trained,
-            num_worlds=num_worlds,
-            seed=self.seed,
-            episode_time=time,
-            reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
-            termination=TerminationConfig(self.max_distance, self.max_angle),
-            randomization=self.randomization,
-            phase_sampling=PhaseSamplingConfig(),
-            privileged=False,
-        )
+        limits = TerminationConfig(self.max_distance, self.max_angle)
+        return rollout_environment(trained, num_worlds, self.seed, time, limits, self.randomization)
+
+
+def rollout_environment(
+    trained: EnvConfig,
+    num_worlds: int,
+    seed: int,
+    episode_time: float,
+    limits: TerminationConfig,
+    randomization: RandomizationConfig,
+) -> EnvConfig:
+    """Return the environment to roll a policy out in: that of its training, but for what is given and the resets.
+
+    Every episode begins on the reference, joints off by up to 0.05 rad.
+
+    Args:
+        trained: The environment of the training.
+        num_worlds: Rollouts that run at once.
+        seed: Seed of the worlds.
+        episode_time: Longer than a rollout, so that no rollout ends by its time [s].
+        limits: When a rollout has failed.
+        randomization: What differs between the rollouts.
+    """
+    return replace(
+        trained,
+        num_worlds=num_worlds,
+        seed=seed,
+        episode_time=episode_time,
+        reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
+        termination=limits,
+        randomization=randomization,
+        phase_sampling=PhaseSamplingConfig(),
+        privileged=False,
+    )

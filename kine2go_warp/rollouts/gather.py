@@ -2,9 +2,8 @@
 
 import math
 import time
-from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,15 +16,15 @@ from kine2go_warp.motions.catalogue import load_catalogue
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
 from kine2go_warp.robots.compiled import model_parts
-from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.config import GatherConfig, ProgressCallback
 from kine2go_warp.rollouts.quality import BORDERLINE
 from kine2go_warp.settings import content_hash, to_dictionary
 
+if TYPE_CHECKING:
+    from kine2go_warp.rollouts.collector import CollectionStats
+
 DEFAULT_ROWS = 571
 """Rows of a trajectory whose motion is not in the catalogue."""
-
-ProgressCallback = Callable[[int, int, str], None]
-"""Called with what is done, the total, and details in words."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class GatherResult:
     rows_per_second: float = 0.0
     """State rows simulated and recorded in a second, if they were run now."""
     megabytes_per_second: float = 0.0
-    """What was handed to the disk in a second of simulation [MB/s], if it was now."""
+    """What was given to the disk in a second of simulation [MB/s], if it was now."""
     waiting_share: float = 0.0
     """Share of the time for which the simulation waited for the disk, if it ran now."""
     write_time: float = 0.0
@@ -88,53 +87,63 @@ def gather(
         borderline = tuple(known.get("borderline", ()))
         return GatherResult(clip.name, known["accepted"], known["rejected"], borderline, fingerprint, is_new=False)
 
-    from kine2go_warp.rollouts.campaign import Campaign
+    from kine2go_warp.rollouts.collector import RolloutCollector
 
     device = choose_device(device)
     fault_folder = policy.path if strict else None
-    with Campaign(policy, record, clip, config, device, writer.spool(clip.name), fault_folder) as campaign:
-        campaign.run(on_progress)
-        rejected = dict(Counter(campaign.reasons_rejected))
-        if campaign.num_accepted < max(1, math.ceil(config.least_accepted * config.trajectories)):
-            found = ", ".join(f"{count} by {reason}" for reason, count in rejected.items())
-            some = f"{campaign.num_accepted} of {campaign.num_rollouts} rollouts were accepted, too few"
-            said = some if campaign.num_accepted else f"all {campaign.num_rollouts} rollouts were rejected"
-            raise DatasetError(f"{clip.name}: {said} ({found}); train longer, or allow more with --budget")
-        accepted = campaign.accepted()
+    with RolloutCollector(policy, record, clip, config, device, writer.spool(clip.name), fault_folder) as collector:
+        collector.run(on_progress)
+        stats = collector.stats
+        check_acceptance(clip.name, stats, config)
+        accepted = collector.accepted()
         doubt = accepted.groups["quality"]["limit_share"]
         borderline = tuple(int(index) for index in np.argsort(-doubt, kind="stable") if doubt[index] > BORDERLINE)
         attributes = {
             "motion": clip.name,
             **asdict(clip.origin),
             "accepted": accepted.num_trajectories,
-            "rejected": rejected,
+            "rejected": stats.rejected,
             "borderline": list(borderline),
             "fingerprint": fingerprint,
-            "environment_settings": to_dictionary(campaign.environment.config),
-            "ground_reach": campaign.ground_reach,
-            "model_hash": campaign.environment.spec.model_hash,
-            "model_parts": model_parts(campaign.environment.spec),
+            "environment_settings": to_dictionary(collector.environment.config),
+            "ground_reach": collector.ground_reach,
+            "model_hash": collector.environment.spec.model_hash,
+            "model_parts": model_parts(collector.environment.spec),
             "gather_settings": to_dictionary(config),
             **training_attributes(policy, record),
             "device": device,
         }
-        others = RejectedRollouts(campaign.rejected(), campaign.reasons_rejected) if config.keep_rejected else None
+        rejected = collector.rejected()
+        others = RejectedRollouts(rejected, rejected.reasons) if config.keep_rejected else None
         started = time.perf_counter()
         writer.write(clip.name, accepted, simulation, attributes, others)
         write_time = time.perf_counter() - started
-        spent = campaign.seconds
         return GatherResult(
             clip.name,
             accepted.num_trajectories,
-            rejected,
+            stats.rejected,
             borderline,
             fingerprint,
             is_new=True,
-            rows_per_second=campaign.num_rows_simulated / spent,
-            megabytes_per_second=campaign.num_bytes / 1e6 / spent,
-            waiting_share=campaign.waited / spent,
+            rows_per_second=stats.rows / stats.seconds,
+            megabytes_per_second=stats.num_bytes / 1e6 / stats.seconds,
+            waiting_share=stats.waited / stats.seconds,
             write_time=write_time,
         )
+
+
+def check_acceptance(motion: str, stats: "CollectionStats", config: GatherConfig) -> None:
+    """Check that enough rollouts were accepted.
+
+    Raises:
+        DatasetError: too few were.
+    """
+    if stats.accepted >= max(1, math.ceil(config.min_acceptance * config.trajectories)):
+        return
+    found = ", ".join(f"{count} by {reason}" for reason, count in stats.rejected.items())
+    few = f"{stats.accepted} of {stats.rollouts} rollouts were accepted, too few"
+    share = few if stats.accepted else f"all {stats.rollouts} rollouts were rejected"
+    raise DatasetError(f"{motion}: {share} ({found}); train longer, or allow more with --max-attempts")
 
 
 def chosen_clip(policy: PolicyFolder, record: PolicyRecord, motion: str | None) -> MotionClip:

@@ -17,8 +17,8 @@ BORDERLINE = 0.8
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What the filter says of some rollouts."""
+class FilterResult:
+    """Which of some rollouts pass the filter."""
 
     reasons: tuple[str, ...]
     """Why each one is rejected, an empty text if it is not."""
@@ -58,12 +58,14 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
     }
 
 
-def judge(rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: float, spec: RobotSpec) -> Verdict:
-    """Say which rollouts are good enough, and why the others are not.
+def filter_rollouts(
+    rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: float, spec: RobotSpec
+) -> FilterResult:
+    """Decide which rollouts are good enough, and for which reason the others are rejected.
 
     Args:
         rows: Rows as in the dataset, NaN beyond each trajectory's length.
-        failures: Why the simulation ended each rollout early, a number of ``REASON_NAMES``, 0 if it did not.
+        failures: Why the simulation ended each rollout early, an index into ``REASON_NAMES``, 0 if it did not.
         config: The limits.
         frame_duration: Time between two rows [s].
         spec: The robot.
@@ -81,4 +83,4 @@ def judge(rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: f
         exceeded = [one.reason for one in FILTER_METRICS if not shares[one.name][index] <= 1.0]
         reasons.append(REASON_NAMES[failure] if failure else next(iter(exceeded), ""))
     assert set(quality) == {array.name for array in QUALITY_ARRAYS}
-    return Verdict(tuple(reasons), {name: np.asarray(values, np.float32) for name, values in quality.items()})
+    return FilterResult(tuple(reasons), {name: np.asarray(values, np.float32) for name, values in quality.items()})

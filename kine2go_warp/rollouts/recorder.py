@@ -9,10 +9,10 @@ from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.leg_distance import least_leg_distance
 from kine2go_warp.kernels.recording import record_reference, record_root
 from kine2go_warp.kernels.reference import sample_reference
-from kine2go_warp.rollouts.spool import RowSpool
+from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 
 ROWS_ON_DEVICE = 128
-"""Rows buffered on the device before they are handed over."""
+"""Rows buffered on the device before they are given to the writer."""
 
 
 class RolloutRecorder:
@@ -21,15 +21,17 @@ class RolloutRecorder:
     ``record_state`` before a step and ``record_action`` after it make one row.
     """
 
-    def __init__(self, environment: ImitationEnvironment, spool: RowSpool) -> None:
-        self.environment, self.spool = environment, spool
+    def __init__(self, environment: ImitationEnvironment, writer: AsyncRowWriter) -> None:
+        self.environment, self.writer = environment, writer
         self._allocate()
         self._views = self._state_views()
+        default = environment.spec.default_joint_position
+        self._default = torch.tensor(default, device=str(wp.device_to_torch(environment.device)))
         self._buffers: dict[str, torch.Tensor] = {}
         self._filled = 0
 
-    def record_state(self) -> None:
-        """Record what is known before the policy acts."""
+    def record_state(self, mean_action: torch.Tensor) -> None:
+        """Record the state, and the mean of the policy's actions in it, shape [num_worlds, 12], before the step."""
         environment, episodes = self.environment, self.environment.episodes
         with wp.ScopedDevice(environment.device):
             wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
@@ -47,31 +49,33 @@ class RolloutRecorder:
             )
             shapes = [environment.simulation.geometry, self._shapes, self._leg_distance]
             wp.launch(least_leg_distance, dim=environment.num_worlds, inputs=[environment.robot, *shapes])
+            wp.to_torch(self._mean_action).copy_(mean_action)
+            environment.motors.compute_targets(
+                self._mean_action,
+                episodes.clips,
+                episodes.placement,
+                episodes.reference_step,
+                self._mean_target,
+            )
         for name, view in self._views.items():
             self._store(name, view)
+        self._store("action_mean", self._normalised(self._mean_target))
 
-    def record_action(self, mean_output: torch.Tensor, output: torch.Tensor) -> None:
-        """Record what the policy commanded and what it earned; completes the row."""
+    def record_action(self) -> None:
+        """Record the action of the step that was just made, and its rewards; completes the row."""
         environment = self.environment
-        action_config, spec = environment.config.action, environment.spec
-        default = torch.tensor(spec.default_joint_position, device=output.device)
-        target = wp.to_torch(environment.motors.joint_target)
-        action = (target - default) / spec.action_scale
-        limit = action_config.clip
-        offset = action_config.scale * (mean_output.clamp(-limit, limit) - output.clamp(-limit, limit))
-        self._store("joint_target", target)
-        self._store("action", action)
-        self._store("action_mean", action + offset / spec.action_scale)
+        self._store("joint_target", wp.to_torch(environment.motors.joint_target))
+        self._store("action", self._normalised(environment.motors.joint_target))
         self._store("reward", wp.to_torch(environment.reward_terms))
         self._store("push", wp.to_torch(environment.randomization.push))
         self._filled += 1
         if self._filled == ROWS_ON_DEVICE:
-            self._hand_over()
+            self._submit()
 
     def finish(self) -> None:
-        """Hand over what is left."""
+        """Give what is left to the writer."""
         if self._filled:
-            self._hand_over()
+            self._submit()
 
     def _allocate(self) -> None:
         """Allocate what the recording kernels write."""
@@ -80,6 +84,7 @@ class RolloutRecorder:
             self._root = [wp.zeros(num_worlds, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
             self._shapes = body_shapes(self.environment.spec)
             self._leg_distance = wp.zeros(num_worlds, dtype=float)
+            self._mean_action, self._mean_target = (wp.zeros((num_worlds, 12), dtype=float) for _ in range(2))
             self._links = [wp.zeros((num_worlds, 16), dtype=wp.vec3) for _ in range(2)]
             self._reference = [
                 wp.zeros(num_worlds, dtype=wp.vec3),
@@ -113,6 +118,10 @@ class RolloutRecorder:
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]
         return views
 
+    def _normalised(self, joint_target: wp.array) -> torch.Tensor:
+        """Return joint targets in the unit of the dataset's actions, shape [num_worlds, 12]."""
+        return (wp.to_torch(joint_target) - self._default) / self.environment.spec.action_scale
+
     def _store(self, name: str, value: torch.Tensor) -> None:
         """Copy one value into the present row of its buffer."""
         if name not in self._buffers:
@@ -120,8 +129,8 @@ class RolloutRecorder:
             self._buffers[name] = torch.empty(shape, dtype=value.dtype, device=value.device)
         self._buffers[name][self._filled].copy_(value)
 
-    def _hand_over(self) -> None:
-        """Give the buffered rows to the spool, without waiting for the device."""
+    def _submit(self) -> None:
+        """Give the buffered rows to the writer, without waiting for the device."""
         on_gpu = self.environment.device.is_cuda
         blocks = {}
         for name, buffer in self._buffers.items():
@@ -131,5 +140,5 @@ class RolloutRecorder:
         ready = torch.cuda.Event() if on_gpu else None
         if ready is not None:
             ready.record()
-        self.spool.hand_over(blocks, ready)
+        self.writer.submit(blocks, ready)
         self._filled = 0

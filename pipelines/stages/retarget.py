@@ -67,7 +67,7 @@ class RetargetStage:
         remarks = clip_remarks(quality)
         for remark in remarks:
             monitor.note(f"clip: {remark}")
-        is_gross = quality.residual > GROSS_RESIDUAL or (
+        is_gross = max(quality.residual, quality.foot_moved) > GROSS_RESIDUAL or (
             abs(quality.path_error) > GROSS_PATH and result.source_path_length > LEAST_WAY
         )
         if is_gross and job.motion not in job.recipe.accept:

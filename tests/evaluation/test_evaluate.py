@@ -36,7 +36,7 @@ def test_the_command_reports_every_clip_under_every_condition(two_clips, capsys)
     assert report["randomised_environment"]["randomization"]["push_speed"] == [0.0, 0.2]
     for one in report["results"]:
         assert one["survival"]["count"] == 3
-        assert one["rollouts"]["start_phase"] == [pytest.approx(value, abs=1e-6) for value in (1 / 6, 0.5, 5 / 6)]
+        assert one["rollouts"]["initial_phase"] == [pytest.approx(value, abs=1e-6) for value in (1 / 6, 0.5, 5 / 6)]
         assert one["joint_rmse"]["value"] == pytest.approx(np.mean(one["rollouts"]["joint_rmse"]), rel=1e-6)
         assert 0.0 <= one["torque_saturation"]["value"] <= 1.0
     by_condition = {one["condition"]: one for one in report["results"] if one["clip"] == "dog_trot"}

@@ -1,4 +1,4 @@
-"""Rollouts that begin where they are told to."""
+"""Rollouts from chosen initial states."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import warp as wp
 
 from kine2go_warp.deployment.reference import PlacedClip
 from kine2go_warp.evaluation.config import RANDOMIZATIONS, EvalConfig
-from kine2go_warp.evaluation.figures import measure
+from kine2go_warp.evaluation.metrics import measure
 from kine2go_warp.evaluation.newton import NewtonRollouts
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.robots import GO2
@@ -23,18 +23,18 @@ def rollouts(policy: PolicyFolder):
 
 def test_phases_are_spread_over_the_cycle_and_headings_all_round():
     config = EvalConfig(worlds=64)
-    np.testing.assert_allclose(np.diff(config.start_phases()), 1.0 / 64.0, atol=1e-6)
-    assert config.start_phases()[0] == pytest.approx(0.5 / 64.0)
-    quarters = np.floor((config.start_headings() + np.pi) / (0.5 * np.pi))
+    np.testing.assert_allclose(np.diff(config.initial_phases()), 1.0 / 64.0, atol=1e-6)
+    assert config.initial_phases()[0] == pytest.approx(0.5 / 64.0)
+    quarters = np.floor((config.initial_headings() + np.pi) / (0.5 * np.pi))
     np.testing.assert_allclose(np.bincount(quarters.astype(int)), 16, atol=1)
-    assert abs(np.corrcoef(config.start_phases(), np.cos(config.start_headings()))[0, 1]) < 0.1
+    assert abs(np.corrcoef(config.initial_phases(), np.cos(config.initial_headings()))[0, 1]) < 0.1
 
 
 def test_every_rollout_begins_on_the_reference_at_its_phase_and_heading(rollouts, clip):
-    batch = rollouts.run(0)
-    rows = batch.rows(np.arange(8))
-    np.testing.assert_allclose(rows["phase"][:, 0], np.tile(SMALL.start_phases(), 2), atol=1e-6)
-    for index, (phase, heading) in enumerate(zip(batch.starts.phase, batch.starts.heading, strict=True)):
+    recorded = rollouts.run(0)
+    rows = recorded.rows(np.arange(8))
+    np.testing.assert_allclose(rows["phase"][:, 0], np.tile(SMALL.initial_phases(), 2), atol=1e-6)
+    for index, (phase, heading) in enumerate(zip(recorded.initial.phase, recorded.initial.heading, strict=True)):
         placed = PlacedClip(clip, 60.0)
         placed.place(float(phase), (0.0, 0.0), float(heading))
         np.testing.assert_allclose(rows["reference_root_position"][index, 0], placed.root(0.0).position, atol=1e-5)
@@ -42,7 +42,7 @@ def test_every_rollout_begins_on_the_reference_at_its_phase_and_heading(rollouts
         np.testing.assert_allclose(rows["root_position"][index, 0, :2], (0.0, 0.0), atol=1e-5)
         perturbed = rows["joint_position"][index, 0] - placed.joint_position(0.0)
         assert 0.0 < np.abs(perturbed).max() <= 0.0501
-        np.testing.assert_allclose(batch.starts.joint_q[index, 7:], rows["joint_position"][index, 0])
+        np.testing.assert_allclose(recorded.initial.joint_q[index, 7:], rows["joint_position"][index, 0])
 
 
 def test_noise_is_what_the_two_halves_differ_by(rollouts):
@@ -64,27 +64,27 @@ def test_later_episodes_are_drawn_as_ever(rollouts):
     environment.episodes.done.fill_(1)
     with wp.ScopedDevice("cpu"):
         environment._reset_worlds()
-    assert not np.isin(environment.episodes.placement.start_phase.numpy(), SMALL.start_phases()).any()
+    assert not np.isin(environment.episodes.placement.start_phase.numpy(), SMALL.initial_phases()).any()
 
 
-def test_figures_are_computed_from_the_rows_before_the_end(policy, clip):
+def test_metrics_are_computed_from_the_rows_before_the_end(policy, clip):
     record = policy.read_record()
     config = EvalConfig(worlds=4, seconds=1.0, max_distance=0.03)
     with NewtonRollouts(policy, record, (clip,), config, (1.0,), False, "cpu") as newton:
-        batch = newton.run(0)
-        result = measure(batch, np.arange(4), clip.name, "", 1.0 / 60.0, GO2)
-        rows = batch.rows(np.arange(4))
+        recorded = newton.run(0)
+        result = measure(recorded, np.arange(4), clip.name, "", 1.0 / 60.0, GO2)
+        rows = recorded.rows(np.arange(4))
     assert result.reasons == {"distance": 4}
     assert result.survival.value == 0.0
-    assert (batch.length < 60).all()
-    for index, length in enumerate(batch.length):
+    assert (recorded.length < 60).all()
+    for index, length in enumerate(recorded.length):
         distance = np.linalg.norm(rows["root_position"] - rows["reference_root_position"], axis=-1)[index]
         assert distance[:length].max() <= 0.03
         assert np.isnan(distance[length:]).all()
-        assert result.figures["root_error"][index] == pytest.approx(distance[:length].mean(), rel=1e-5)
+        assert result.metrics["root_error"][index] == pytest.approx(distance[:length].mean(), rel=1e-5)
         joint = (rows["joint_position"] - rows["reference_joint_position"])[index, :length]
-        assert result.figures["joint_rmse"][index] == pytest.approx(np.sqrt((joint**2).mean()), rel=1e-5)
-    assert not result.meets_targets
+        assert result.metrics["joint_rmse"][index] == pytest.approx(np.sqrt((joint**2).mean()), rel=1e-5)
+    assert not result.meets_thresholds
 
 
 def test_randomised_worlds_differ_and_robots_are_pushed(policy, clip):

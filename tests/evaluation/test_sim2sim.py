@@ -13,11 +13,11 @@ from kine2go_warp.env.config import TerrainConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.evaluation.mujoco import MujocoRollouts
-from kine2go_warp.evaluation.newton import Starts
 from kine2go_warp.evaluation.sim2sim import apart, sim2sim
 from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.rollout import InitialStates
 
 SHORT = EvalConfig(worlds=4, seconds=1.0)
 
@@ -30,8 +30,8 @@ def loaded(exported):
 def test_both_simulations_agree_within_a_tenth_of_a_millimetre_for_half_a_second(policy, loaded):
     (found,) = sim2sim(policy, loaded, replace(SHORT, seconds=0.5), "cpu")
     assert found.apart[0.5] < 1e-4
-    for name, values in found.newton.figures.items():
-        np.testing.assert_allclose(found.mujoco.figures[name], values, rtol=1e-2, atol=1e-5, err_msg=name)
+    for name, values in found.newton.metrics.items():
+        np.testing.assert_allclose(found.mujoco.metrics[name], values, rtol=1e-2, atol=1e-5, err_msg=name)
     assert found.newton.survival == found.mujoco.survival
     np.testing.assert_allclose(found.newton.joint_error, found.mujoco.joint_error, atol=3e-3)
 
@@ -43,11 +43,11 @@ def test_wrong_metadata_show(policy, loaded, change):
     assert found.apart[0.5] > 1e-3
 
 
-def starts_at(height, count=1):
+def initial_at(height, count=1):
     joint_q = np.zeros((count, 19), np.float32)
     joint_q[:, 2], joint_q[:, 6] = height, 1.0
     joint_q[:, 7:] = GO2.default_joint_position
-    return Starts(np.zeros(count), np.zeros(count), joint_q, np.zeros((count, 18), np.float32))
+    return InitialStates(np.zeros(count), np.zeros(count), joint_q, np.zeros((count, 18), np.float32))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def starts_at(height, count=1):
 )
 def test_rollouts_end_for_the_reasons_of_the_environment(loaded, height, limits, reason):
     mujoco = MujocoRollouts(loaded, FAST.env, replace(SHORT, **limits))
-    batch = mujoco.run(0, starts_at(height))
+    batch = mujoco.run(0, initial_at(height))
     assert REASON_NAMES[batch.failure[0]] == reason
     rows = batch.rows(np.array([0]))
     assert np.isnan(rows["root_position"][0, batch.length[0] :]).all()

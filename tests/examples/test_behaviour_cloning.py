@@ -31,7 +31,7 @@ def windows(clean_dataset):
 
 def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(policy, clip, tmp_path):
     """Rows are gathered from the very beginning, so that their actions repeat them in an environment of the clone."""
-    config = GatherConfig(trajectories=4, rows=30, warm_up=0.0, budget=1.0, **ANYTHING_GOES)
+    config = GatherConfig(trajectories=4, rows=30, warm_up=0.0, max_attempts=1.0, **ANYTHING_GOES)
     assert gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu").accepted == 4
     dataset = open_dataset(tmp_path / "dataset.zarr")
     settings = environment_config(dataset.motion("dog_trot").attributes, "")

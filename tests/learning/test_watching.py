@@ -47,7 +47,7 @@ def test_the_worlds_are_seen_as_the_recorder_of_rollouts_sees_them(environment, 
         env.episode_length_buf[1] = environment.config.max_episode_length - 1 if ended == 0 else 0
         env.step(torch.from_numpy(np.float32(rng.normal(0.0, 0.4, (env.num_envs, 12)))))
         ended += int(env.buffers.done[1])
-        recorder.record_state()
+        recorder.record_state(torch.zeros(env.num_envs, 12))
     names = ("root_position", "root_orientation", "joint_position", "foot_contact_force", "reference_root_position",
              "reference_root_orientation", "reference_joint_position")  # fmt: skip
     assert ended >= 1, "a world began a new episode"

@@ -3,7 +3,7 @@ from collections import Counter
 import pytest
 
 from kine2go_warp.errors import CatalogueError, ClipError
-from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+from kine2go_warp.motions.catalogue import load_catalogue, motion_named, parse_catalogue
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.retarget import retarget
 
@@ -45,3 +45,25 @@ def test_half_flip_jump_says_that_its_reference_is_another_motions():
     jump, walk = (motion_named(f"ai4_dog_synth_{name}") for name in ("half_flip_jump", "ellipse_walk"))
     assert (jump.file, jump.frames) == (walk.file, walk.frames)
     assert "ellipse walk" in jump.description
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("rate = 60\n", ""), r"catalogue\.toml, line 1, \[collection\.c\]: lacks rate; the fields are source"),
+        (('collection = "c"\n', ""), r"line 8, \[\[motion\]\]: lacks collection"),
+        (("start = 0", "begin = 0"), r"line 8, \[\[motion\]\]: has unknown begin"),
+        (("start = 0", 'start = "0"'), r"line 8, \[\[motion\]\]: start is '0', not a int"),
+        (('collection = "c"', 'collection = "d"'), r"there is no \[collection\.d\]"),
+        (("rate = 60", "rate = 0"), "rate is 0; choose"),
+        (("[[motion]]", "[[motion"), "not TOML"),
+    ],
+)
+def test_a_damaged_catalogue_is_refused_with_its_line(change, message):
+    """What docs/adding-a-source.md asks for, with one mistake."""
+    collection = '[collection.c]\nsource = "vhdc"\nfolder = "c/"\nlicence = "CC0"\ncitation = "us"\nrate = 60\n\n'
+    text = collection + '[[motion]]\nname = "m"\ncollection = "c"\nfile = "m.csv"\nstart = 0\n'
+    (entry,) = parse_catalogue(text, "catalogue.toml").values()
+    assert (entry.frames.start, entry.frames.end, entry.length, entry.rate) == (0, -1, 571, 60)
+    with pytest.raises(CatalogueError, match=message):
+        parse_catalogue(text.replace(*change), "catalogue.toml")

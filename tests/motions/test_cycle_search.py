@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from kine2go_warp.motions.cycle_search import best_cycle, find_cycles, pose_features, seam_scores
+from kine2go_warp.motions.cycle_search import best_cycle, find_cycles, overlap, pose_features, seam_scores
 from kine2go_warp.motions.generator import DogGait
 from kine2go_warp.motions.sources import AI4Animation
 from kine2go_warp.motions.targets import pose_targets
@@ -38,6 +40,20 @@ def test_scores_are_distances(targets):
 
 def test_standing_still_is_left_out_when_a_way_is_asked_for(targets):
     assert find_cycles(targets, 20, 100, 5, travel=100.0) == []
+
+
+def test_jitter_of_a_standing_animal_is_no_way(rng):
+    """Stands for 4 s with millimetres of sway and noise, then trots for 4 s."""
+    motion, _ = keypoints(DogGait(stride_frames=30), 240)
+    still = np.repeat(motion.position[:1], 240, axis=0)
+    sway = 0.004 * np.sin(2.0 * np.pi * np.arange(240) / 40.0)
+    still += sway[:, None, None] + rng.normal(0.0, 0.002, (240, 1, 3))
+    both = replace(motion, time=np.arange(480) / 60.0, position=np.concatenate([still, motion.position]))
+    found = find_cycles(pose_targets(both, AI4Animation(), GO2), 21, 100, 8, travel=0.1)
+    assert found
+    assert all(one.end > 240 for one in found)
+    assert found[0].start >= 240
+    assert all(overlap(a, b) <= 0.5 for a in found for b in found if a is not b)
 
 
 def test_a_range_to_the_last_frame_stays_within_the_file(targets):

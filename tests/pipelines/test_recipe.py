@@ -61,9 +61,11 @@ def test_a_missing_recipe_lists_the_bundled_ones():
 
 
 def test_settings_can_be_replaced_one_by_one():
-    recipe = load_recipe(Path("demo"), ["train.preset=paper", "gather.noise=[0.1, 0.2]", "record.trajectories=0"])
+    recipe = load_recipe(
+        Path("demo"), ["train.preset=paper", "gather.action_noise_scale=[0.1, 0.2]", "record.trajectories=0"]
+    )
     assert recipe.train.preset == "paper"
-    assert recipe.gather.noise == (0.1, 0.2)
+    assert recipe.gather.action_noise_scale == (0.1, 0.2)
     assert recipe.record.trajectories == 0
     assert recipe.motions == load_recipe(Path("demo")).motions
 

@@ -23,10 +23,13 @@ def test_what_is_not_a_number_is_sorted_last():
 
 
 def test_settings_are_split_into_shared_and_different():
-    one = {"motion": "a", "device": "cpu", "gather_settings": {"seed": 1, "noise": 0.5, "rows": [1, 2]}}
-    other = {"motion": "b", "device": "cpu", "gather_settings": {"seed": 2, "noise": 0.5}, "extra": True}
+    one = {"motion": "a", "device": "cpu", "gather_settings": {"seed": 1, "warm_up": 0.5, "rows": [1, 2]}}
+    other = {"motion": "b", "device": "cpu", "gather_settings": {"seed": 2, "warm_up": 0.5}, "extra": True}
     shared, different = tables.settings({"a": one, "b": other})
-    assert {row[0].text: row[1].text for row in shared.rows} == {"device": "cpu", "gather_settings.noise": "0.5"}
+    assert {row[0].text: row[1].text for row in shared.rows} == {
+        "device": "cpu",
+        "gather_settings.warm_up": "0.5",
+    }
     assert {row[0].text: [cell.text for cell in row[1:]] for row in different.rows} == {
         "extra": ["-", "True"],
         "gather_settings.rows": ["1, 2", "-"],

@@ -120,7 +120,8 @@ def test_a_full_disk_is_said_in_one_line_and_the_same_command_completes_later(po
 
 
 @pytest.mark.parametrize(
-    "place", ["kine2go_warp.rollouts.spool.RowSpool._write_block", "kine2go_warp.dataset.writer.write_members"]
+    "place",
+    ["kine2go_warp.rollouts.row_writer.AsyncRowWriter._write_block", "kine2go_warp.dataset.writer.write_members"],
 )
 def test_an_error_of_the_disk_is_said_in_one_line_wherever_it_occurs(policies, tmp_path, capfd, monkeypatch, place):
     def fail(*_):

@@ -17,7 +17,7 @@ from kine2go_warp.rollouts.gather import gather, with_rows
 from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
-LOOSE = GatherConfig(trajectories=6, rows=40, noise=(1.0, 1.0), **ANYTHING_GOES)
+LOOSE = GatherConfig(trajectories=6, rows=40, action_noise_scale=(1.0, 1.0), **ANYTHING_GOES)
 
 
 @pytest.fixture(scope="module")
@@ -158,9 +158,9 @@ def test_rows_are_those_of_the_papers_table_unless_given():
         {"seed": -1},
         {"trajectories": 0},
         {"rows": 1},
-        {"noise": (-1.0, 1.0)},
+        {"action_noise_scale": (-1.0, 1.0)},
         {"warm_up": -0.1},
-        {"budget": 0.5},
+        {"max_attempts": 0.5},
         {"max_foot_slip": 0.0},
     ],
 )

@@ -8,7 +8,7 @@ from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.quality import BORDERLINE, judge
+from kine2go_warp.rollouts.quality import BORDERLINE, filter_rollouts
 
 ROWS, FRAME = 20, 1.0 / 60.0
 CONFIG = GatherConfig()
@@ -105,17 +105,17 @@ FAULTS = {
 """What spoils a rollout, and its figure by hand, in the order in which the limits are looked at."""
 
 
-def judged(rows, failures=None, config=CONFIG):
+def filtered(rows, failures=None, config=CONFIG):
     count = len(rows["leg_contact"])
-    return judge(rows, np.zeros(count, int) if failures is None else np.array(failures), config, FRAME, GO2)
+    return filter_rollouts(rows, np.zeros(count, int) if failures is None else np.array(failures), config, FRAME, GO2)
 
 
 def test_a_perfect_rollout_is_accepted_without_doubt():
-    verdict = judged(perfect())
-    assert verdict.reasons == ("",)
-    assert verdict.accepted.tolist() == [True]
-    assert verdict.quality["limit_share"] == pytest.approx(0.0, abs=1e-6)
-    assert set(verdict.quality) == {array.name for array in QUALITY_ARRAYS}
+    result = filtered(perfect())
+    assert result.reasons == ("",)
+    assert result.accepted.tolist() == [True]
+    assert result.quality["limit_share"] == pytest.approx(0.0, abs=1e-6)
+    assert set(result.quality) == {array.name for array in QUALITY_ARRAYS}
 
 
 @pytest.mark.parametrize("reason", FAULTS)
@@ -123,11 +123,11 @@ def test_each_limit_rejects_for_its_own_reason_and_no_other_rollout(reason):
     spoil, expected = FAULTS[reason]
     rows = perfect(3)
     spoil(rows, 1)
-    verdict = judged(rows)
-    assert verdict.reasons == ("", reason, "")
+    result = filtered(rows)
+    assert result.reasons == ("", reason, "")
     name, setting = next((one.name, one.setting) for one in FILTER_METRICS if one.reason == reason)
-    assert verdict.quality[name][1] == pytest.approx(expected, rel=1e-4)
-    assert verdict.quality["limit_share"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
+    assert result.quality[name][1] == pytest.approx(expected, rel=1e-4)
+    assert result.quality["limit_share"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
 
 
 @pytest.mark.parametrize("first", range(len(FAULTS)))
@@ -135,7 +135,7 @@ def test_of_several_faults_the_first_in_order_counts(first):
     rows = perfect()
     for spoil, _ in list(FAULTS.values())[first:]:
         spoil(rows)
-    assert judged(rows).reasons == (list(FAULTS)[first],)
+    assert filtered(rows).reasons == (list(FAULTS)[first],)
 
 
 def test_every_limit_has_a_fault_here_in_the_same_order():
@@ -146,7 +146,7 @@ def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():
     rows = perfect(2)
     rows["leg_contact"][0, 3], rows["leg_contact"][1, 3:5] = 1.0, 1.0
     config = GatherConfig(max_leg_contact=float(np.float32(1 / 20)))
-    assert judged(rows, config=config).reasons == ("", "leg_contact")
+    assert filtered(rows, config=config).reasons == ("", "leg_contact")
 
 
 def test_doubt_is_the_largest_share_of_a_limit():
@@ -155,22 +155,22 @@ def test_doubt_is_the_largest_share_of_a_limit():
     rows["reference_joint_position"][0] += 0.15  # 0.6 of 0.25 rad
     rows["link_linear_velocity"][1, :, :, 1] = 0.3  # 0.75 of 0.4 m/s
     rows["root_position"][2, 7, 1] = 0.1  # 0.2 of 0.5 m
-    verdict = judged(rows, config=GatherConfig(max_distance=0.5, max_joint_rmse=0.25, max_foot_slip=0.4))
-    np.testing.assert_allclose(verdict.quality["limit_share"], (0.9, 0.75, 0.2), rtol=1e-5)
-    assert verdict.accepted.all()
-    assert (verdict.quality["limit_share"] > BORDERLINE).tolist() == [True, False, False]
+    result = filtered(rows, config=GatherConfig(max_distance=0.5, max_joint_rmse=0.25, max_foot_slip=0.4))
+    np.testing.assert_allclose(result.quality["limit_share"], (0.9, 0.75, 0.2), rtol=1e-5)
+    assert result.accepted.all()
+    assert (result.quality["limit_share"] > BORDERLINE).tolist() == [True, False, False]
 
 
 def test_rows_beyond_the_end_do_not_count():
     rows = perfect(2)
     for spoil in (too_far, turned, joints_off, shaking):
         spoil(rows)
-    whole = judged({name: values[:, :6] for name, values in rows.items()})
+    whole = filtered({name: values[:, :6] for name, values in rows.items()})
     for values in rows.values():
         values[:, 6:] = np.nan
-    verdict = judged(rows)
-    assert verdict.reasons == ("joint_error", "")
-    for name, values in verdict.quality.items():
+    result = filtered(rows)
+    assert result.reasons == ("joint_error", "")
+    for name, values in result.quality.items():
         np.testing.assert_allclose(values, whole.quality[name], rtol=1e-6, err_msg=name)
 
 
@@ -178,17 +178,17 @@ def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
     rows = perfect(2)
     for values in rows.values():
         values[1] = np.nan
-    verdict = judged(rows, [0, REASON_NAMES.index("body_contact")])
-    assert verdict.reasons == ("", "body_contact")
-    assert np.isnan(verdict.quality["limit_share"][1])
-    assert verdict.quality["limit_share"][0] == pytest.approx(0.0, abs=1e-6)
+    result = filtered(rows, [0, REASON_NAMES.index("body_contact")])
+    assert result.reasons == ("", "body_contact")
+    assert np.isnan(result.quality["limit_share"][1])
+    assert result.quality["limit_share"][0] == pytest.approx(0.0, abs=1e-6)
     assert not list(recwarn)
 
 
 def test_figures_that_are_not_numbers_are_never_accepted():
     rows = perfect()
     rows["joint_torque"][:] = np.nan
-    assert judged(rows).reasons == ("torque_saturation",)
+    assert filtered(rows).reasons == ("torque_saturation",)
 
 
 @pytest.mark.parametrize("failure", [number for number, name in enumerate(REASON_NAMES) if name != "none"])
@@ -196,5 +196,5 @@ def test_a_failure_of_the_simulation_comes_before_every_limit(failure):
     rows = perfect()
     for spoil, _ in FAULTS.values():
         spoil(rows)
-    assert judged(rows, [failure]).reasons == (REASON_NAMES[failure],)
-    assert judged(perfect(), [failure]).reasons == (REASON_NAMES[failure],)
+    assert filtered(rows, [failure]).reasons == (REASON_NAMES[failure],)
+    assert filtered(perfect(), [failure]).reasons == (REASON_NAMES[failure],)

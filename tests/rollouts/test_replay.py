@@ -23,7 +23,7 @@ WILD = replace(EVERYTHING, push_speed=(0.1, 0.3))
 def dataset(policy, tmp_path_factory):
     """Rollouts of a poor policy with everything drawn, pushes included."""
     path = tmp_path_factory.mktemp("replay") / "dataset.zarr"
-    config = GatherConfig(trajectories=4, rows=90, num_worlds=8, randomization=WILD, budget=16.0, **ANYTHING_GOES)
+    config = GatherConfig(trajectories=4, rows=90, num_worlds=8, randomization=WILD, max_attempts=16.0, **ANYTHING_GOES)
     gather(policy, DatasetWriter(path, GO2), config, "cpu")
     assert (open_dataset(path, include_rejected=True).load("dog_trot").trajectories.rows["push"] != 0.0).any()
     return path

@@ -65,7 +65,7 @@ class Settings:
             friction=number(motion, "training_settings", "env", "solver", "friction"),
             rewards=reward_settings(motion),
             warm_up=gathering("warm_up"),
-            noise=pair(motion, "gather_settings", "noise"),
+            noise=pair(motion, "gather_settings", "action_noise_scale"),
             max_distance=gathering("max_distance"),
             max_angle=gathering("max_angle"),
             max_joint_rmse=gathering("max_joint_rmse"),

@@ -33,7 +33,7 @@ def test_a_simulated_dataset_is_clean_and_no_check_is_left_out(clean_dataset):
 
 
 def test_a_dataset_without_noise_is_clean(policy, tmp_path):
-    quiet = GatherConfig(trajectories=2, rows=60, noise=(0.0, 0.0), **ANYTHING_GOES)
+    quiet = GatherConfig(trajectories=2, rows=60, action_noise_scale=(0.0, 0.0), **ANYTHING_GOES)
     gather(policy, DatasetWriter(tmp_path / "quiet.zarr", GO2), quiet, "cpu")
     assert check_dataset(tmp_path / "quiet.zarr", GO2).findings == ()
 

@@ -1,4 +1,4 @@
-"""Rounds of rollouts: how many are run, which are kept, what differs between them."""
+"""Batches of rollouts: how many are run, which are kept, what differs between them."""
 
 from collections import Counter
 from dataclasses import replace
@@ -18,13 +18,13 @@ from kine2go_warp.rollouts.gather import gather
 from tests.conftest import ANYTHING_GOES
 from tests.dataset.helpers import files_of
 
-EVERYTHING = GatherConfig(trajectories=24, num_worlds=4, rows=24, warm_up=0.1, budget=2.0, **ANYTHING_GOES)
-"""Six rounds, of which nothing is rejected."""
+EVERYTHING = GatherConfig(trajectories=24, num_worlds=4, rows=24, warm_up=0.1, max_attempts=2.0, **ANYTHING_GOES)
+"""Six batches, of which nothing is rejected."""
 
 
 @pytest.fixture(scope="module")
 def everything(policy, tmp_path_factory):
-    path = tmp_path_factory.mktemp("campaign") / "everything" / "dataset.zarr"
+    path = tmp_path_factory.mktemp("collector") / "everything" / "dataset.zarr"
     gather(policy, DatasetWriter(path, GO2), EVERYTHING, "cpu")
     return open_dataset(path, include_rejected=True).load("dog_trot").trajectories
 
@@ -33,7 +33,7 @@ def everything(policy, tmp_path_factory):
 def strict(everything):
     """Six are wanted; about every second rollout is good enough."""
     limit = float(np.median(everything.groups["quality"]["joint_rmse"]))
-    return replace(EVERYTHING, trajectories=6, budget=4.0, max_joint_rmse=limit, keep_rejected=True)
+    return replace(EVERYTHING, trajectories=6, max_attempts=4.0, max_joint_rmse=limit, keep_rejected=True)
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,11 @@ def assert_same_rollouts(found, expected, chosen):
         np.testing.assert_array_equal(found[name], values[chosen], err_msg=name)
 
 
-def test_rounds_go_on_until_enough_are_accepted_which_are_the_first_good_ones(with_rejected, everything, strict):
+def test_batches_go_on_until_enough_are_accepted_which_are_the_first_good_ones(with_rejected, everything, strict):
     result, path = with_rejected
     good = np.flatnonzero(everything.groups["quality"]["joint_rmse"] <= np.float32(strict.max_joint_rmse))
     num_run = 4 * (good[5] // 4 + 1)
-    assert 6 < num_run < 24, "more than a round is needed"
+    assert 6 < num_run < 24, "more than a batch is needed"
     assert result.accepted == 6
     assert_same_rollouts(zarr.open_group(path / "dog_trot", mode="r"), everything, good[:6])
     assert result.rejected == {"joint_error": int(num_run - np.sum(good < num_run))}
@@ -81,9 +81,9 @@ def test_a_dataset_with_rejected_rollouts_is_clean(with_rejected):
     assert report.is_clean, [str(finding) for finding in report.findings]
 
 
-def test_the_budget_ends_the_rounds_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):
+def test_max_attempts_ends_the_batches_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):
     second_best = float(np.sort(everything.groups["quality"]["joint_rmse"])[1])
-    config = replace(strict, max_joint_rmse=second_best * 1.0001, keep_rejected=False, least_accepted=0.0)
+    config = replace(strict, max_joint_rmse=second_best * 1.0001, keep_rejected=False, min_acceptance=0.0)
     result = gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
     assert (result.accepted, result.rejected) == (2, {"joint_error": 22})
     assert "rejected" not in zarr.open_group(tmp_path / "dataset.zarr" / "dog_trot", mode="r")
@@ -104,7 +104,7 @@ def test_noise_friction_mass_and_start_differ_and_are_stored(everything):
                    randomization["base_mass"]):  # fmt: skip
         assert len(set(values.tolist())) == 24
     for values, (least, greatest) in (
-        (draws["noise"], EVERYTHING.noise),
+        (draws["noise"], EVERYTHING.action_noise_scale),
         (randomization["friction"], EVERYTHING.randomization.friction),
         (randomization["base_mass"], EVERYTHING.randomization.base_mass),
     ):

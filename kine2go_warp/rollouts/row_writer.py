@@ -1,4 +1,4 @@
-"""Rows on their way to the disk: handed over by the simulation, written by a thread of their own."""
+"""Writes rows to the disk in a thread, so that the simulation does not wait."""
 
 import queue
 import shutil
@@ -16,30 +16,30 @@ QUEUED_BLOCKS = 3
 """Blocks that may wait, besides the one that is being written, before the simulation waits, too."""
 
 
-class RowSpool:
+class AsyncRowWriter:
     """Files of rows, one an array, in the order in which they were simulated: [num_rows, num_worlds, ...].
 
     A file is written once from its beginning to its end, which is what disks do best; a full disk is an error of the
-    writing thread, which the next hand-over or ``close`` raises. Use it as a context manager: the thread ends with it.
+    writing thread, which the next ``submit`` or ``close`` raises. Use it as a context manager: the thread ends with it.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Begin with empty files."""
+        """Remove what is in the folder and start the thread."""
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         self.folder = folder
         self.waited = 0.0
         """Time for which the simulation has waited for the disk [s]."""
         self.num_bytes = 0
-        """Bytes handed over."""
+        """Bytes submitted."""
         self._layout: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
         self._is_given_up = False
         self._queue: queue.Queue = queue.Queue(QUEUED_BLOCKS)
         self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._write, name="kine2go spool", daemon=True)
+        self._thread = threading.Thread(target=self._write, name="kine2go row writer", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> "RowSpool":
+    def __enter__(self) -> "AsyncRowWriter":
         return self
 
     def __exit__(
@@ -48,7 +48,7 @@ class RowSpool:
         self._is_given_up = error is not None
         self._end_thread()
 
-    def hand_over(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
+    def submit(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
         """Queue some rows of all arrays, each of shape [num_rows, num_worlds, ...], in memory of the host.
 
         Args:
@@ -97,13 +97,13 @@ class RowSpool:
             self._thread.join()
 
     def _write(self) -> None:
-        """Write blocks until told to end; after an error, drop them, so that nobody waits for a full queue."""
+        """Write blocks until None comes; after an error drop them, so that ``submit`` never waits for a full queue."""
         files: dict[str, BinaryIO] = {}
         while (item := self._queue.get()) is not None:
             if self._error is None and not self._is_given_up:
                 try:
                     self._write_block(files, *item)
-                except Exception as error:  # noqa: BLE001 - whatever it is, the simulation must hear of it
+                except Exception as error:  # noqa: BLE001 - whatever it is, the simulation raises it
                     self._error = error
         for file in files.values():
             try:
