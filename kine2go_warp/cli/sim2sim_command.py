@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.eval_command import add_columns, cells, check_output, print_early_ends
+from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,20 +71,11 @@ class Sim2Sim:
 
 def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Comparison]") -> None:
     """Print two lines for each clip, and how far the simulations part."""
-    from rich.markup import escape
-    from rich.table import Table
+    from kine2go_warp.cli.tables import print_table, say
 
-    from kine2go_warp.cli.tables import console
-
-    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same beginnings"
-    table = Table(title=escape(title), title_justify="left")
-    add_columns(table, "simulator")
-    for one in found:
-        for result in (one.newton, one.mujoco):
-            table.add_row(*cells(result))
-    output = console()
-    output.print(table)
+    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same initial states"
+    print_table(results_table(title, "simulator", [result for one in found for result in (one.newton, one.mujoco)]))
     for one in found:
         parts = ", ".join(f"{1e3 * distance:.2g} mm after {time:g} s" for time, distance in one.apart.items())
-        output.print(f"{one.newton.clip}: roots apart (median): {parts}", highlight=False, soft_wrap=True)
-        print_early_ends(output, (one.newton, one.mujoco))
+        say(f"{one.newton.clip}: roots apart (median): {parts}")
+        print_early_ends((one.newton, one.mujoco))
