@@ -132,3 +132,13 @@ def yaw_rotation(yaw: ArrayLike) -> "Rotation":
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_rotvec(np.asarray(yaw)[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+def turn_between(first: Array, second: Array) -> Array:
+    """Return the rotation vectors that lead from one set of rotation matrices to another [rad], shape [..., 3]."""
+    between = second @ np.swapaxes(first, -1, -2)
+    skew = 0.5 * (between - np.swapaxes(between, -1, -2))
+    axis = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, 0.5 * (np.trace(between, axis1=-2, axis2=-1)[..., None] - 1.0))
+    return axis * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)

@@ -1,13 +1,18 @@
 """The base's motion: smoothing, and a height at which legs neither lock nor fold and nothing is below the floor."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.poses import Poses
+from kine2go_warp.motions.stance import Reach, intervals
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.robots.kinematics import leg_points
-from kine2go_warp.rotations import continuous, to_rotation
+from kine2go_warp.robots.kinematics import leg_angles, leg_points, shank_rotations
+from kine2go_warp.rotations import continuous, to_rotation, turn_between
 
 Array = NDArray[np.float64]
 
@@ -15,15 +20,26 @@ RAMP = 0.08
 """Time over which the base gives way to a limit before and after it [s]."""
 
 
+GRAVITY = 9.81
+"""[m/s^2]"""
+LEAD = 0.08
+"""Time over which the slopes of a flight are led into the stances beside it [s]."""
+
+
 def smooth_root(position: Array, orientation: Array, frames: float) -> tuple[Array, Array]:
     """Filter root positions and orientations (w, x, y, z) with a Gaussian of a standard deviation in frames."""
     if frames <= 0.0:
         return position, orientation
-    smooth = gaussian_filter1d(continuous(orientation), frames, axis=0, mode="nearest")
-    return (
-        gaussian_filter1d(position, frames, axis=0, mode="nearest"),
-        smooth / np.linalg.norm(smooth, axis=1, keepdims=True),
-    )
+    margin = min(math.ceil(4.0 * frames), len(position) - 1)
+    ends = [(margin, margin), (0, 0)]
+
+    def smooth(values: Array) -> Array:
+        # Mirrored at the ends through the end itself, so that a motion goes on there instead of stopping.
+        longer = np.pad(values, ends, mode="reflect", reflect_type="odd")
+        return gaussian_filter1d(longer, frames, axis=0, mode="nearest")[margin : margin + len(values)]
+
+    turned = smooth(continuous(orientation))
+    return smooth(position), turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def leg_length_limits(spec: RobotSpec, margin: float) -> tuple[float, float]:
@@ -35,6 +51,30 @@ def leg_length_limits(spec: RobotSpec, margin: float) -> tuple[float, float]:
     return float(shortest), float(longest)
 
 
+def hip_joints(spec: RobotSpec, position: Array, orientation: Array) -> Array:
+    """Return the hip joints in the world frame [m], shape [num_frames, 4, 3]."""
+    offsets = np.array([leg.hip_offset for leg in spec.legs])
+    return position[:, None] + np.einsum("tij,kj->tki", to_rotation(orientation).as_matrix(), offsets)
+
+
+def leg_reach(spec: RobotSpec, position: Array, orientation: Array, margin: float, give: float = 0.0) -> Reach:
+    """Return how far legs reach when knees keep off their limits by a margin [rad]."""
+    farthest = math.hypot(leg_length_limits(spec, margin)[1], spec.legs[0].thigh_offset[1])
+    return Reach(hip_joints(spec, position, orientation), farthest, spec.foot_radius, give)
+
+
+def rolled(spec: RobotSpec, poses: Poses) -> Array:
+    """Return how far the centres of feet have rolled since the first frame [m], shape [num_frames, 4, 2].
+
+    A sphere that rolls without slipping moves by its radius times the turn of the shank that it is fixed to.
+    """
+    shanks = shank_rotations(spec, joints_for(spec, poses))
+    shanks = to_rotation(poses.root_orientation).as_matrix()[:, None] @ shanks
+    turn = turn_between(shanks[:-1], shanks[1:])
+    steps = spec.foot_radius * np.stack([turn[..., 1], -turn[..., 0]], axis=-1)
+    return np.concatenate([np.zeros((1, 4, 2)), np.cumsum(steps, axis=0)])
+
+
 def height_bounds(spec: RobotSpec, position: Array, orientation: Array, feet: Array, margin: float) -> Array:
     """Return by how much the base may sink (negative) or rise [m], shape [num_frames, 2], so that legs reach.
 
@@ -42,9 +82,8 @@ def height_bounds(spec: RobotSpec, position: Array, orientation: Array, feet: Ar
     a foot is out of reach sideways, no height helps and the bound is the best one.
     """
     shortest, longest = leg_length_limits(spec, margin)
-    offsets = np.array([leg.hip_offset for leg in spec.legs])
     width = abs(spec.legs[0].thigh_offset[1])
-    hips = position[:, None] + np.einsum("tij,kj->tki", to_rotation(orientation).as_matrix(), offsets)
+    hips = hip_joints(spec, position, orientation)
     above = hips[..., 2] - feet[..., 2]
     aside = np.sum((hips[..., :2] - feet[..., :2]) ** 2, axis=-1)
     highest = np.sqrt(np.maximum(longest**2 + width**2 - aside, 0.0))
@@ -70,18 +109,61 @@ def smooth_shift(needed: Array, frames: int) -> Array:
     return np.convolve(np.pad(reached, frames, mode="edge"), kernel / kernel.sum(), mode="valid")
 
 
-def fit_height(
-    spec: RobotSpec, position: Array, orientation: Array, feet: Array, frame_duration: float, config: RetargetConfig
-) -> Array:
-    """Return root positions raised or lowered, smoothly and as little as needed, so that legs keep off their limits."""
-    fitted = position.copy()
+def fit_height(spec: RobotSpec, poses: Poses, frame_duration: float, config: RetargetConfig) -> Poses:
+    """Return poses with the base raised or lowered, smoothly and as little as needed: legs keep off their limits."""
+    assert poses.feet is not None
+    fitted = poses.root_position.copy()
     frames = ramp_frames(frame_duration)
     for side in (1, 0):
-        bound = height_bounds(spec, fitted, orientation, feet, config.knee_margin)[:, side]
+        bound = height_bounds(spec, fitted, poses.root_orientation, poses.feet, config.knee_margin)[:, side]
         needed = np.minimum(bound, 0.0) if side == 1 else np.maximum(bound, 0.0)
         if np.any(needed != 0.0):
             fitted[:, 2] += smooth_shift(needed, frames)
-    return fitted
+    return replace(poses, root_position=fitted)
+
+
+def fly(poses: Poses, stance: NDArray[np.bool_], fall: float, frame_duration: float) -> Poses:
+    """Return poses whose base follows a parabola while no foot stands; the feet in the air follow it.
+
+    The parabola joins the heights of lift-off and landing. Its slopes there are led into the stances beside it.
+
+    Args:
+        poses: With feet.
+        stance: Whether each foot stands, shape [num_frames, 4].
+        fall: Acceleration of a falling body, downwards [m / frame^2].
+        frame_duration: [s]
+    """
+    assert poses.feet is not None
+    height = poses.root_position[:, 2]
+    slope, lead = np.gradient(height), max(round(LEAD / frame_duration), 1)
+    shift, lifted = np.zeros(len(height)), np.zeros(len(height))
+    for flight in intervals(~stance.any(axis=1)):
+        first, last = flight.first - 1, flight.last + 1
+        if first < lead or last + lead >= len(height):
+            continue
+        span = last - first
+        air = np.arange(1, span)
+        parabola = height[first] + (height[last] - height[first]) * air / span + 0.5 * fall * air * (span - air)
+        lifted[flight.frames] = parabola - height[flight.frames]
+        mean = (height[last] - height[first]) / span
+        ramp = np.arange(1, lead) * (1.0 - np.arange(1, lead) / lead) ** 2
+        shift[first - lead + 1 : first] -= (mean + 0.5 * fall * span - slope[first]) * ramp[::-1]
+        shift[last + 1 : last + lead] += (mean - 0.5 * fall * span - slope[last]) * ramp
+    # Where a stance is shorter than the lead, the next flight begins with nothing of the last one.
+    shift[~stance.any(axis=1)] = 0.0
+    up = np.array([0.0, 0.0, 1.0])
+    return replace(
+        poses,
+        root_position=poses.root_position + np.outer(shift + lifted, up),
+        feet=poses.feet + lifted[:, None, None] * up,
+    )
+
+
+def joints_for(spec: RobotSpec, poses: Poses) -> Array:
+    """Return the joint positions that put the feet where they are, limits apart [rad], shape [num_frames, 12]."""
+    assert poses.feet is not None
+    rotation = to_rotation(poses.root_orientation).as_matrix()
+    return leg_angles(spec, np.einsum("tji,tkj->tki", rotation, poses.feet - poses.root_position[:, None]))
 
 
 def lowest_body_point(spec: RobotSpec, position: Array, orientation: Array, joints: Array) -> Array:

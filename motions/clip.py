@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
+from kine2go_warp.motions.fidelity import Fidelity
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
-from kine2go_warp.rotations import to_rotation
+from kine2go_warp.rotations import from_rotation, to_rotation
 
 Array = NDArray[np.float64]
 
@@ -69,6 +71,10 @@ class MotionClip:
     origin: ClipOrigin
     slow_down: float = 1.0
     """By which the motion was slowed to keep within the motors' speeds."""
+    time_scale: float = 1.0
+    """Duration over the animal's as the settings ask for it, before any slowing down."""
+    fidelity: Fidelity | None = None
+    """How truly it moves as the animal does; no part of the motion itself."""
     keypoints: Skeleton | None = None
     """What it was made from, to look at; no part of the motion itself."""
 
@@ -89,6 +95,15 @@ class MotionClip:
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
         return digest.hexdigest()[:16]
 
+    @property
+    def poses(self) -> Poses:
+        """The poses of one cycle, with joints."""
+        return Poses(self.root_position, self.root_orientation, self.joint_position)
+
+    def extended(self, before: int, after: int) -> Poses:
+        """Return the poses of one cycle and of some frames on either side, with joints."""
+        return extend_cyclically(self.poses, self.cycle, before, after)
+
     def resampled(self, rate: float, spec: RobotSpec) -> "MotionClip":
         """Return the same motion in time with about ``rate`` frames per second.
 
@@ -101,27 +116,36 @@ class MotionClip:
         num_frames = max(round(self.period * rate), 3)
         time = np.arange(num_frames, dtype=np.float64) * (self.period / num_frames)
         margin = 4
-        poses = extend_cyclically(
-            self.root_position, self.root_orientation, self.joint_position, self.cycle, margin, margin
-        )
+        longer = self.extended(margin, margin)
         known = np.arange(-margin, self.num_frames + margin) * self.frame_duration
-        rotation = Slerp(known, to_rotation(poses.root_orientation))(time)
-        clip = assemble_clip(
-            self.name,
-            self.period / num_frames,
-            CubicSpline(known, poses.root_position)(time),
-            rotation.as_quat()[:, [3, 0, 1, 2]],
-            CubicSpline(known, poses.channels)(time),
-            self.stance[np.minimum(np.round(time / self.frame_duration).astype(int), self.num_frames - 1)],
-            np.interp(time, known[margin:-margin], self.residual),
-            self.cycle,
-            self.origin,
-            spec,
-            self.slow_down,
-        )
+        clip = replace(
+            self,
+            frame_duration=self.period / num_frames,
+            root_position=CubicSpline(known, longer.root_position)(time),
+            root_orientation=from_rotation(Slerp(known, to_rotation(longer.root_orientation))(time)),
+            joint_position=CubicSpline(known, longer.joints)(time),
+            stance=self.stance[np.minimum(np.round(time / self.frame_duration).astype(int), self.num_frames - 1)],
+            residual=np.interp(time, known[margin:-margin], self.residual),
+        ).completed(spec)
         if self.keypoints is None:
             return clip
         return replace(clip, keypoints=self.keypoints.resampled(time / self.frame_duration, self.cycle))
+
+    def completed(self, spec: RobotSpec) -> "MotionClip":
+        """Return the clip with the velocities and the feet that follow from its poses and its frame duration."""
+        longer = self.extended(1, 1)
+        assert longer.joints is not None
+        span = 2.0 * self.frame_duration
+        rotation = to_rotation(longer.root_orientation)
+        feet = np.einsum("tij,tkj->tki", rotation[1:-1].as_matrix(), foot_positions(spec, self.joint_position))
+        return replace(
+            self,
+            root_orientation=longer.root_orientation[1:-1],
+            root_linear_velocity=(longer.root_position[2:] - longer.root_position[:-2]) / span,
+            root_angular_velocity=(rotation[2:] * rotation[:-2].inv()).as_rotvec() / span,
+            joint_velocity=(longer.joints[2:] - longer.joints[:-2]) / span,
+            foot_position=feet + self.root_position[:, None],
+        )
 
     def save(self, path: Path) -> None:
         """Write the clip as ``.npz`` (plain arrays, no pickles)."""
@@ -133,6 +157,8 @@ class MotionClip:
             "name": self.name,
             "frame_duration": self.frame_duration,
             "slow_down": self.slow_down,
+            "time_scale": self.time_scale,
+            "fidelity": None if self.fidelity is None else self.fidelity.as_json(),
             "cycle": asdict(self.cycle),
             "origin": asdict(self.origin),
         }
@@ -157,6 +183,8 @@ class MotionClip:
                     name=header["name"],
                     frame_duration=header["frame_duration"],
                     slow_down=header["slow_down"],
+                    time_scale=header.get("time_scale", 1.0),
+                    fidelity=Fidelity.from_json(header.get("fidelity")),
                     cycle=CycleStep(**header["cycle"]),
                     origin=ClipOrigin(**header["origin"]),
                     keypoints=keypoints,
@@ -171,37 +199,33 @@ class MotionClip:
 
 
 def assemble_clip(
+    poses: Poses,
+    spec: RobotSpec,
+    *,
     name: str,
     frame_duration: float,
-    root_position: Array,
-    root_orientation: Array,
-    joint_position: Array,
     stance: Array,
     residual: Array,
     cycle: CycleStep,
     origin: ClipOrigin,
-    spec: RobotSpec,
-    slow_down: float = 1.0,
+    time_scale: float = 1.0,
 ) -> MotionClip:
-    """Complete a closed cycle of poses with velocities and feet."""
-    poses = extend_cyclically(root_position, root_orientation, joint_position, cycle, 1, 1)
-    span = 2.0 * frame_duration
-    turns = to_rotation(poses.root_orientation[2:]) * to_rotation(poses.root_orientation[:-2]).inv()
-    rotation = to_rotation(poses.root_orientation[1:-1]).as_matrix()
-    feet = np.einsum("tij,tkj->tki", rotation, foot_positions(spec, joint_position))
+    """Make a clip of a closed cycle of poses with joints; ``MotionClip`` says what the rest is."""
+    assert poses.joints is not None
+    none = np.empty(0)
     return MotionClip(
         name=name,
         frame_duration=frame_duration,
-        root_position=root_position,
-        root_orientation=poses.root_orientation[1:-1],
-        joint_position=joint_position,
-        root_linear_velocity=(poses.root_position[2:] - poses.root_position[:-2]) / span,
-        root_angular_velocity=turns.as_rotvec() / span,
-        joint_velocity=(poses.channels[2:] - poses.channels[:-2]) / span,
-        foot_position=feet + root_position[:, None],
+        root_position=poses.root_position,
+        root_orientation=poses.root_orientation,
+        joint_position=poses.joints,
+        root_linear_velocity=none,
+        root_angular_velocity=none,
+        joint_velocity=none,
+        foot_position=none,
         stance=stance,
         residual=residual,
         cycle=cycle,
         origin=origin,
-        slow_down=slow_down,
-    )
+        time_scale=time_scale,
+    ).completed(spec)

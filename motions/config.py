@@ -11,17 +11,20 @@ class RetargetConfig:
     mode: Literal["contact", "plain"] = "contact"
     """``contact``: standing feet are held in place, nothing is below the floor, legs keep off their limits.
     ``plain``: the paper's frame-wise rule."""
-    blend_frames: int = 12
-    """Frames on either side of a cycle's seam over which it is blended."""
-    search_frames: int = 15
-    """How far the ends of a range may move to find the best seam [frames], a sixth of the range at most; 0 keeps it."""
+    search_time: float = 0.35
+    """How far the ends of a range may move to find the best seam [s], a sixth of the range at most; 0 keeps it."""
+    blend_time: float = 0.25
+    """Time on either side of a cycle's seam over which it is blended [s]."""
     smoothing: float = 0.02
     """Standard deviation of the filter on the base's motion [s]."""
-    stance_height: float = 0.02
-    """A foot below this height may stand [m]; it is lifted when it exceeds twice as much."""
-    stance_speed: float = 0.4
-    """A foot slower than this, plus a quarter of the base's speed, may stand [m/s]; it is lifted at 1.6 times that."""
+    stance_height: float = 0.25
+    """A foot lower than this share of its swings nearby may stand; it is lifted when it exceeds twice as much."""
+    stance_speed: float = 0.2
+    """A foot slower than this share of its swings nearby may stand; it is lifted at 1.4 times that."""
     swing_clearance: float = 0.015
-    """Least height of a foot in the middle of a swing [m]."""
+    """Least height of a foot in the middle of a swing [m], or the animal's own where that is lower."""
     knee_margin: float = 0.06
     """How far knees keep off their limits [rad]."""
+    time_scale: float | Literal["froude"] = 1.0
+    """Duration of the motion over the animal's. ``froude``: the square root of the size of the robot over the animal's,
+    at which bodies of both sizes fall alike; flights then follow a parabola."""

@@ -1,11 +1,12 @@
 """Cycles: the displacement of one period, the closing of a seam, and the continuation beyond the ends."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.rotations import (
     continuous,
     from_rotation,
@@ -40,97 +41,99 @@ class CycleStep:
             position, yaw = turn_planar(-position, -yaw), -yaw
         return CycleStep(float(position[0]), float(position[1]), float(yaw))
 
-    def apply(self, position: Array, orientation: Array) -> tuple[Array, Array]:
-        """Move poses on by this displacement: positions [..., 3], quaternions (w, x, y, z) [..., 4]."""
-        moved = turn_planar(position, self.yaw) + np.array([self.x, self.y, 0.0])
-        return moved, from_rotation(yaw_rotation(self.yaw) * to_rotation(orientation))
+    def apply(self, poses: Poses) -> Poses:
+        """Move poses on by this displacement."""
+        return poses.moved(self.x, self.y, self.yaw)
 
 
-@dataclass(frozen=True)
-class PoseSequence:
-    """Root poses of successive frames, and what travels with the root."""
-
-    root_position: Array
-    """[m], shape [num_frames, 3]."""
-    root_orientation: Array
-    """(w, x, y, z), shape [num_frames, 4]."""
-    channels: Array
-    """Joint positions [rad], or feet in the root's heading frame [m], shape [num_frames, 12]."""
-
-
-def extend_cyclically(
-    root_position: Array, root_orientation: Array, channels: Array, cycle: CycleStep, before: int, after: int
-) -> PoseSequence:
+def extend_cyclically(poses: Poses, cycle: CycleStep, before: int, after: int) -> Poses:
     """Continue a closed cycle by some frames on either side."""
-    num_frames = len(root_position)
-    frames = np.arange(-before, num_frames + after)
-    positions = np.empty((len(frames), 3))
-    orientations = np.empty((len(frames), 4))
-    for turn in np.unique(frames // num_frames):
-        chosen = frames // num_frames == turn
-        index = frames[chosen] % num_frames
-        positions[chosen], orientations[chosen] = cycle.repeated(int(turn)).apply(
-            root_position[index], root_orientation[index]
-        )
-    return PoseSequence(positions, continuous(orientations), channels[frames % num_frames])
+    frames = np.arange(-before, len(poses) + after)
+    turns, index = frames // len(poses), frames % len(poses)
+    parts = [cycle.repeated(int(turn)).apply(poses.taken(index[turns == turn])) for turn in np.unique(turns)]
+    longer = parts[0]
+    for part in parts[1:]:
+        longer = longer.followed_by(part)
+    return replace(longer, root_orientation=continuous(longer.root_orientation))
 
 
-def recentred(poses: PoseSequence) -> PoseSequence:
-    """Move a sequence so that frame 0 lies above the origin with heading 0; heights stay."""
-    yaw = float(heading(poses.root_orientation[:1])[0])
-    shift = poses.root_position[0] * np.array([1.0, 1.0, 0.0])
-    return PoseSequence(
-        turn_planar(poses.root_position - shift, -yaw),
-        continuous(from_rotation(yaw_rotation(-yaw) * to_rotation(poses.root_orientation))),
-        poses.channels,
-    )
+def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Poses, CycleStep]:
+    """Turn the first frames of a motion into a cycle whose continuation is exact and smooth.
 
+    Frame ``num_frames`` tells where the next cycle begins: its place in the ground plane and its heading become the
+    cycle's displacement. What else differs between it and frame 0 (height, tilt, feet as seen from the base, joints) is
+    the seam; half of it is taken off the frames before the seam and half is added to those after it, fading out over
+    ``blend_frames``. The base's velocities, planar ones and the yaw rate included, are made to meet in the same way, by
+    an offset that begins and ends with nothing.
 
-def with_extrapolated_frame(poses: PoseSequence) -> PoseSequence:
-    """Append the frame that follows at the velocity of the last two, for a range that ends with its file."""
-    last = to_rotation(poses.root_orientation[-1])
-    step = last * to_rotation(poses.root_orientation[-2]).inv()
-    return PoseSequence(
-        np.vstack([poses.root_position, 2.0 * poses.root_position[-1] - poses.root_position[-2]]),
-        np.vstack([poses.root_orientation, from_rotation(step * last)]),
-        np.vstack([poses.channels, 2.0 * poses.channels[-1] - poses.channels[-2]]),
-    )
-
-
-def close_cycle(poses: PoseSequence, blend_frames: int) -> tuple[PoseSequence, CycleStep]:
-    """Turn T + 1 recentred frames into a cycle of T frames whose continuation is exact.
-
-    The last frame tells where the next cycle begins: its place in the ground plane and its heading become the cycle's
-    displacement. What else differs between it and frame 0 (height, tilt, channels) is the seam; half of it is taken off
-    the frames before the seam and half is added to those after it, fading out smoothly over ``blend_frames``.
+    Args:
+        poses: At least ``num_frames + 2`` frames.
+        num_frames: Frames of one cycle.
+        blend_frames: How far the seam is spread on either side [frames].
 
     Returns:
-        The T frames and the displacement of one period.
+        The recentred cycle and the displacement of one period.
     """
-    num_frames = len(poses.root_position) - 1
-    end_yaw = float(heading(poses.root_orientation[-1:])[0])
-    end = poses.root_position[-1]
-    cycle = CycleStep(float(end[0]), float(end[1]), float(wrap_angle(end_yaw)))
+    poses = poses.recentred()
+    yaw: Array = np.unwrap(heading(poses.root_orientation)).astype(np.float64)
+    value, slope = seam_weights(num_frames, blend_frames), seam_slopes(num_frames, blend_frames)
+    # The last frames as the next cycle sees them, so that they can be compared with the first ones.
+    following = poses.frames(num_frames, num_frames + 2).recentred().root_position
+    velocity = np.diff(following, axis=0)[0] - np.diff(poses.root_position[:2], axis=0)[0]
+    position = poses.root_position[: num_frames + 1].copy()
+    position[:, 2] += np.append(value, -0.5) * (following[0, 2] - position[0, 2]) + np.append(slope, 0.0) * velocity[2]
+    after, before = seam_distances(np.arange(num_frames) + 0.5, num_frames, blend_frames)
+    gained = 0.5 * np.outer(_fade(after), velocity[:2]) - 0.5 * np.outer(
+        _fade(before), turn_planar(velocity[:2], yaw[num_frames])
+    )
+    position[1:, :2] += np.cumsum(gained, axis=0)
+    cycle = CycleStep(float(position[-1, 0]), float(position[-1, 1]), float(wrap_angle(yaw[num_frames])))
+    position = position[:-1]
 
-    tilts = yaw_rotation(-heading(poses.root_orientation)) * to_rotation(poses.root_orientation)
-    tilt_seam = (tilts[-1] * tilts[0].inv()).as_rotvec()
-    weight = seam_weights(num_frames, blend_frames)[:, None]
-    blended = from_rotation(Rotation.from_rotvec(weight * tilt_seam) * tilts[:-1])
-    turn = heading(poses.root_orientation[:-1]) - heading(blended)
-    orientation = continuous(from_rotation(yaw_rotation(turn) * to_rotation(blended)))
-    position = poses.root_position[:-1].copy()
-    position[:, 2] += weight[:, 0] * (end[2] - position[0, 2])
-    channels = poses.channels[:-1] + weight * (poses.channels[-1] - poses.channels[0])
-    return PoseSequence(position, orientation, channels), cycle
+    tilts = yaw_rotation(-yaw) * to_rotation(poses.root_orientation)
+    at, after = tilts[num_frames : num_frames + 2], tilts[:2]
+    seam = (at[0] * after[0].inv()).as_rotvec()
+    rate = (at[1] * at[0].inv()).as_rotvec() - (after[1] * after[0].inv()).as_rotvec()
+    blended = Rotation.from_rotvec(np.outer(value, seam) + np.outer(slope, rate)) * tilts[:num_frames]
+    yaw_rate = (yaw[num_frames + 1] - yaw[num_frames]) - (yaw[1] - yaw[0])
+    aim = yaw[:num_frames] + slope * yaw_rate
+    orientation = yaw_rotation(aim - heading(from_rotation(blended))) * blended
+
+    joints = feet = None
+    if poses.joints is not None:
+        joints = poses.joints[:num_frames] + np.outer(value, poses.joints[num_frames] - poses.joints[0])
+    if poses.feet is not None:
+        planar = np.array([1.0, 1.0, 0.0])
+        reach = turn_planar(poses.feet - poses.root_position[:, None] * planar, -yaw[:, None])
+        reach = reach[:num_frames] + value[:, None, None] * (reach[num_frames] - reach[0])
+        feet = turn_planar(reach, aim[:, None]) + position[:, None] * planar
+    return Poses(position, continuous(from_rotation(orientation)), joints, feet), cycle
 
 
-def seam_weights(num_frames: int, blend_frames: int) -> Array:
+def seam_weights(num_frames: int, blend_frames: float) -> Array:
     """Return how much of the seam is added to each frame: +1/2 at frame 0, towards -1/2 just before the next cycle."""
-    reach = max(min(blend_frames, num_frames // 2), 1)
-    frames = np.arange(num_frames)
-    after = _fade(frames / reach)
-    before = _fade((num_frames - frames) / reach)
-    return 0.5 * (after - before)
+    after, before = seam_distances(np.arange(num_frames, dtype=np.float64), num_frames, blend_frames)
+    return 0.5 * (_fade(after) - _fade(before))
+
+
+def seam_slopes(num_frames: int, blend_frames: float) -> Array:
+    """Return an offset [frames] whose slope jumps from -1/2 to +1/2 at the seam, where it is 0 itself.
+
+    Times a difference of velocity a frame, it closes that difference and moves nothing beyond the blend.
+    """
+    near = np.minimum(*seam_distances(np.arange(num_frames, dtype=np.float64), num_frames, blend_frames))
+    return 0.5 * blend_reach(num_frames, blend_frames) * near * np.maximum(1.0 - near, 0.0) ** 2
+
+
+def blend_reach(num_frames: int, blend_frames: float) -> float:
+    """Return how far the seam is spread: no further than a third of the cycle [frames]."""
+    return max(min(blend_frames, num_frames / 3.0), 1.0)
+
+
+def seam_distances(places: Array, num_frames: int, blend_frames: float) -> tuple[Array, Array]:
+    """Return how far places [frames] are behind and before the seam, in parts of the reach of the blend."""
+    reach = blend_reach(num_frames, blend_frames)
+    return places / reach, (num_frames - places) / reach
 
 
 def _fade(distance: Array) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.rotations import heading, to_rotation, turn_planar
 
 Array = NDArray[np.float64]
@@ -28,13 +28,14 @@ class CycleCandidate:
     """Distance between the two states, in standard deviations of the motion; 0 is a perfect seam."""
 
 
-def pose_features(targets: PoseTargets) -> Array:
+def pose_features(targets: Poses) -> Array:
     """Return what must agree across a seam: height, tilt and feet as seen from the root, and how they change.
 
     Each is divided by its own standard deviation. Shape [num_frames, num_features].
     """
     yaw = heading(targets.root_orientation)
-    feet = turn_planar(targets.foot_position - targets.root_position[:, None], -yaw[:, None])
+    assert targets.feet is not None
+    feet = turn_planar(targets.feet - targets.root_position[:, None], -yaw[:, None])
     tilt = to_rotation(targets.root_orientation).as_matrix()[:, 2]
     velocity = turn_planar(np.gradient(targets.root_position, axis=0), -yaw)
     pose = np.hstack([targets.root_position[:, 2:], tilt, feet.reshape(len(feet), -1)])
@@ -50,19 +51,19 @@ def seam_scores(features: Array, starts: Indices, ends: Indices) -> Array:
     return np.sqrt(np.maximum(squares, 0.0) / features.shape[1])
 
 
-def seam_score(targets: PoseTargets, start: int, end: int) -> float:
+def seam_score(targets: Poses, start: int, end: int) -> float:
     """Return the distance between two frames, in standard deviations of the motion."""
     return float(seam_scores(pose_features(targets), np.array([start]), np.array([end]))[0, 0])
 
 
-def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -> tuple[int, int]:
+def best_cycle(targets: Poses, start: int, end: int, reach_frames: int) -> tuple[int, int]:
     """Return the best start and end within some frames of the ones given.
 
     Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
     """
-    last = len(targets.time) - 1
+    last = len(targets) - 1
     # A short cycle must not lose its stride to the search.
-    reach = max(min(search_frames, (end - start) // 6), 0)
+    reach = max(min(reach_frames, (end - start) // 6), 0)
     starts = np.arange(max(start - reach, 0), start + reach + 1)
     ends = np.arange(end - reach, min(end + reach, last) + 1)
     if len(ends) == 0 or reach == 0:
@@ -73,7 +74,7 @@ def best_cycle(targets: PoseTargets, start: int, end: int, search_frames: int) -
 
 
 def find_cycles(
-    targets: PoseTargets, min_frames: int, max_frames: int, count: int, travel: float = 0.0
+    targets: Poses, min_frames: int, max_frames: int, count: int, travel: float = 0.0
 ) -> list[CycleCandidate]:
     """Return the best ranges of a whole motion, best first.
 

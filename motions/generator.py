@@ -47,6 +47,8 @@ class DogGait:
     """Amplitude of the trunk's vertical motion, twice a stride [m]."""
     toe_height: float = 0.01
     """Height of the toe keypoint of a standing foot [m]."""
+    brisk: bool = False
+    """Whether a foot leaves the floor at full speed and hits it so, as animals' do, instead of rising from rest."""
 
     @property
     def stride_time(self) -> float:
@@ -125,10 +127,14 @@ def _toe(gait: DogGait, leg: int, time: Array) -> tuple[Array, NDArray[np.bool_]
     standing = progress < gait.duty
     here, there = _foothold(gait, leg, stride), _foothold(gait, leg, stride + 1.0)
     swing = np.clip((progress - gait.duty) / (1.0 - gait.duty), 0.0, 1.0)
-    # A cycloid: velocity and lifting speed vanish at both ends of the swing.
-    share = (swing - np.sin(2.0 * np.pi * swing) / (2.0 * np.pi))[:, None]
-    toe = here * (1.0 - share) + there * share
-    toe[:, 2] = gait.toe_height + 0.5 * gait.step_height * (1.0 - np.cos(2.0 * np.pi * swing))
+    if gait.brisk:
+        share, lift = 0.5 * (1.0 - np.cos(np.pi * swing)), np.sin(np.pi * swing)
+    else:
+        # A cycloid: velocity and lifting speed vanish at both ends of the swing.
+        share = swing - np.sin(2.0 * np.pi * swing) / (2.0 * np.pi)
+        lift = 0.5 * (1.0 - np.cos(2.0 * np.pi * swing))
+    toe = here * (1.0 - share[:, None]) + there * share[:, None]
+    toe[:, 2] = gait.toe_height + gait.step_height * lift
     return toe, standing
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.files import atomic_file
+from kine2go_warp.motions.body import GRAVITY
 from kine2go_warp.motions.sources.solo8 import JOINT_SPEEDS, JOINTS, NUM_COLUMNS, POSITION, QUATERNION, Solo8
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.81
 LEG_SEGMENT = 0.16
 """Length of upper and lower leg [m]."""
 KNEE_SIDES = (1.0, 1.0, -1.0, -1.0)

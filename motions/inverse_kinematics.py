@@ -1,30 +1,14 @@
 """Frame-by-frame inverse kinematics with placo (paper, section 3.1)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import placo  # pyright: ignore[reportMissingImports] - a compiled module
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import continuous, to_rotation
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class RobotTrajectory:
-    """Joint-space result, frame by frame."""
-
-    root_position: Array
-    """Base link origin [m], shape [num_frames, 3]."""
-    root_orientation: Array
-    """Base link orientation (w, x, y, z), shape [num_frames, 4]."""
-    joint_position: Array
-    """Joint positions [rad], shape [num_frames, 12]."""
-    residual: Array
-    """Largest distance of a foot from its target [m], shape [num_frames]."""
 
 
 class InverseKinematics:
@@ -48,21 +32,29 @@ class InverseKinematics:
             task.configure(link, "soft", 1.0)
         self.joint_slots = [self.robot.get_joint_offset(joint) for joint in spec.joint_names]
 
-    def solve(self, targets: PoseTargets) -> RobotTrajectory:
-        """Solve all frames, starting from the robot's standing pose."""
-        matrices = np.tile(np.eye(4), (len(targets.time), 1, 1))
+    def solve(self, targets: Poses) -> tuple[Poses, Array]:
+        """Solve all frames, starting from the robot's standing pose.
+
+        Args:
+            targets: Poses of the base, with feet.
+
+        Returns:
+            Poses with joints, and the largest distance of a foot from its target [m], shape [num_frames].
+        """
+        assert targets.feet is not None
+        matrices = np.tile(np.eye(4), (len(targets), 1, 1))
         matrices[:, :3, :3] = to_rotation(targets.root_orientation).as_matrix()
         matrices[:, :3, 3] = targets.root_position
-        coordinates = np.empty((len(targets.time), len(self.robot.state.q)))
-        residual = np.empty(len(targets.time))
+        coordinates = np.empty((len(targets), len(self.robot.state.q)))
+        residual = np.empty(len(targets))
         for joint, position in zip(self.spec.joint_names, self.spec.default_joint_position, strict=True):
             self.robot.set_joint(joint, position)
-        for frame, (matrix, feet) in enumerate(zip(matrices, targets.foot_position, strict=True)):
+        for frame, (matrix, feet) in enumerate(zip(matrices, targets.feet, strict=True)):
             residual[frame] = self._solve_frame(matrix, feet)
             coordinates[frame] = self.robot.state.q
         # Where feet are out of reach the base gives way to them, so it is read back like the joints.
         orientation = continuous(coordinates[:, [6, 3, 4, 5]])
-        return RobotTrajectory(coordinates[:, :3], orientation, coordinates[:, self.joint_slots], residual)
+        return Poses(coordinates[:, :3], orientation, coordinates[:, self.joint_slots]), residual
 
     def _solve_frame(self, base: Array, feet: Array) -> float:
         """Solve one frame and return the largest distance of a foot from its target [m]."""

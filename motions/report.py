@@ -9,6 +9,7 @@ import numpy as np
 
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.quality import ClipQuality
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
@@ -25,7 +26,9 @@ def write_json(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]], 
             known = {row["name"]: row for row in json.loads(path.read_text())}
         except (ValueError, TypeError, KeyError):
             known = {}
-    known |= {quality.name: {**asdict(quality), "remarks": remarks[quality.name]} for quality in qualities}
+    for quality in qualities:
+        row = {**asdict(quality), "fidelity": quality.fidelity.as_json(), "remarks": remarks[quality.name]}
+        known[quality.name] = row
     content = [known[name] for name in sorted(known)]
     with atomic_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n")
@@ -35,17 +38,30 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
     ("motion", lambda q: f"`{q.name}`"),
     ("frames", lambda q: f"{q.start}-{q.end}"),
     ("period [s]", lambda q: f"{q.period:.2f}"),
-    ("residual [mm]", lambda q: f"{1e3 * q.residual:.2f}"),
-    ("penetration [mm]", lambda q: f"{1e3 * q.penetration:.2f}"),
-    ("stance slip [m/s]", lambda q: f"{q.stance_slip:.3f}"),
-    ("swing height [cm]", lambda q: f"{100.0 * q.swing_clearance:.1f}"),
-    ("joint margin [rad]", lambda q: f"{q.joint_margin:.2f}"),
-    ("joint speed [share]", lambda q: f"{q.speed_share:.2f}"),
-    ("seam score of the source", lambda q: "" if q.seam_score is None else f"{q.seam_score:.2f}"),
-    ("seam, mean steps", lambda q: f"{q.seam_jump:.2f}"),
-    ("seam, steps beside", lambda q: f"{q.seam_step:.2f}"),
     ("speed [m/s]", lambda q: f"{q.speed:.2f}"),
-    ("path length", lambda q: f"{100.0 * q.path_error:+.1f} %"),
+    ("trunk pitch [deg]", lambda q: f"{q.fidelity.trunk_pitch:+.1f}"),
+    ("swing height kept, front", lambda q: f"{q.fidelity.swing_front:.2f}"),
+    ("hind", lambda q: f"{q.fidelity.swing_hind:.2f}"),
+    ("duty", lambda q: f"{q.fidelity.duty:+.3f}"),
+    ("base height r", lambda q: f"{q.fidelity.height_correlation:.2f}"),
+    ("dip [mm]", lambda q: f"{1e3 * q.fidelity.base_dip:.0f}"),
+    ("seam [m/s^2]", lambda q: f"{q.fidelity.seam_acceleration:.1f}"),
+    ("elsewhere", lambda q: f"{q.fidelity.other_acceleration:.1f}"),
+    ("animal", lambda q: f"{q.fidelity.animal_acceleration:.1f}"),
+    ("seam, strides", lambda q: f"{q.fidelity.seam_shift:.2f}"),
+    ("seam score", lambda q: "" if q.seam_score is None else f"{q.seam_score:.2f}"),
+    ("slip [m/s]", lambda q: f"{q.fidelity.contact_slip:.3f}"),
+    ("95 %", lambda q: f"{q.fidelity.contact_slip_95:.2f}"),
+    ("penetration [mm]", lambda q: f"{1e3 * q.penetration:.2f}"),
+    ("knee bent [rad]", lambda q: f"{q.fidelity.knee_bent_margin:.2f}"),
+    ("straight", lambda q: f"{q.fidelity.knee_straight_margin:.2f}"),
+    ("joint limits [rad]", lambda q: f"{q.joint_margin:.2f}"),
+    ("joint speed", lambda q: f"{q.speed_share:.2f}"),
+    ("above 15 Hz [%]", lambda q: f"{100.0 * q.fidelity.high_frequency:.2f}"),
+    ("flight [m/s^2]", lambda q: f"{q.fidelity.flight_acceleration:.1f}"),
+    ("residual [mm]", lambda q: f"{1e3 * q.residual:.2f}"),
+    ("feet moved to reach [mm]", lambda q: f"{1e3 * q.foot_moved:.0f}"),
+    ("path length [%]", lambda q: f"{100.0 * q.path_error:+.1f}"),
 )
 """Headings of the table, and how each cell is written."""
 
@@ -53,9 +69,24 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
 def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]]) -> str:
     """Return all figures as a table in Markdown."""
     headings = [heading for heading, _ in COLUMNS]
-    rows = [[cell(quality) for _, cell in COLUMNS] + ["; ".join(remarks[quality.name])] for quality in qualities]
+    rows = [
+        [*(cell(quality).replace("nan", "") for _, cell in COLUMNS), "; ".join(remarks[quality.name])]
+        for quality in qualities
+    ]
     table = [[*headings, "remarks"], ["---"] * (len(COLUMNS) + 1), *rows]
     return "\n".join(f"| {' | '.join(row)} |" for row in table) + "\n"
+
+
+def described(fidelity: Fidelity | None) -> str:
+    """Return the most telling metrics in a line."""
+    if fidelity is None:
+        return ""
+    return (
+        f"trunk pitch {fidelity.trunk_pitch:+.1f} deg, swing height {fidelity.swing_front:.2f} front and "
+        f"{fidelity.swing_hind:.2f} hind, duty {fidelity.duty:+.3f}, base height r {fidelity.height_correlation:.2f}, "
+        f"seam {fidelity.seam_acceleration:.1f} m/s$^2$ (elsewhere {fidelity.other_acceleration:.1f}), "
+        f"slip {fidelity.contact_slip:.3f} m/s"
+    )
 
 
 def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:
@@ -65,7 +96,7 @@ def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:
 
     figure = Figure(figsize=(12, 8), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(f"{clip.name}: {clip.num_frames} frames, {clip.period:.2f} s")
+    figure.suptitle(f"{clip.name}: {clip.num_frames} frames, {clip.period:.2f} s\n{described(clip.fidelity)}")
     grid = figure.add_gridspec(3, 2)
     time = np.arange(clip.num_frames) * clip.frame_duration
     heights = figure.add_subplot(grid[0, 0])

@@ -7,31 +7,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.body import fit_height, lowest_body_point, ramp_frames, smooth_root, smooth_shift
+from kine2go_warp.motions.body import (
+    GRAVITY,
+    fit_height,
+    fly,
+    joints_for,
+    leg_reach,
+    lowest_body_point,
+    ramp_frames,
+    rolled,
+    smooth_root,
+    smooth_shift,
+)
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
-from kine2go_warp.motions.cycle import (
-    CycleStep,
-    PoseSequence,
-    close_cycle,
-    extend_cyclically,
-    recentred,
-    with_extrapolated_frame,
-)
+from kine2go_warp.motions.cycle import CycleStep, close_cycle, extend_cyclically
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
-from kine2go_warp.motions.inverse_kinematics import InverseKinematics, RobotTrajectory
+from kine2go_warp.motions.fidelity import measure
+from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
-from kine2go_warp.motions.stance import detect_stance, hold_feet
-from kine2go_warp.motions.targets import PoseTargets, pose_targets, reach_remarks, standing_height
+from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, without_short_runs
+from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 
 MARGIN_TIME = 1.0
-"""A cycle is continued by itself, but by this at least, on either side while it is cleaned, so that no stance is cut
+"""A cycle is continued by this and by its longest stance on either side while it is cleaned, so that no stance is cut
 and filters see no ends [s]."""
 SOLVED_MARGIN = 0.25
 """How far beyond the cycle joints are solved for [s]."""
@@ -39,6 +45,12 @@ RATE_TOLERANCE = 0.01
 """How far a file's rate may be from the catalogue's, relatively."""
 FLOOR_PASSES = 3
 """How often the base is raised until no part of the body is below the floor."""
+CONTEXT = 1.0
+"""How far beyond the range stances are looked for, so that none is cut [s]."""
+ROLLING_PASSES = 2
+"""How often the rolling of the feet is worked out from the legs that follow from it."""
+LARGEST_DIP = 0.01
+"""How far the base may be pulled down before a foothold is moved instead [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +58,20 @@ class SelectedRange:
     """The frames of a motion that become one cycle."""
 
     name: str
-    targets: PoseTargets
-    """The frames, and the one after them unless the file ends."""
-    open_ended: bool
-    """Whether the file ends with the range, so that the frame after it is missing."""
+    targets: Poses
+    """With feet: the frames of the cycle and the two after them, extrapolated where the file ends."""
+    stance: NDArray[np.bool_]
+    """Whether the animal's feet stand, for the frames of the cycle, shape [num_frames, 4]."""
     frame_duration: float
-    """[s]"""
+    """Of the source [s]."""
+    time_scale: float
+    """Duration of the clip over that of the source."""
     origin: ClipOrigin
+
+    @property
+    def num_frames(self) -> int:
+        """Frames of the cycle."""
+        return len(self.stance)
 
 
 @dataclass(frozen=True)
@@ -61,10 +80,12 @@ class Retargeted:
 
     clip: MotionClip
     source_path_length: float
-    """Length of the base's path in the ground plane according to the source, scaled [m]."""
+    """Length of the base's path in the ground plane according to the source, scaled and smoothed [m]."""
     seam_score: float
     """Distance between first frame and the one after the last in the source, in standard deviations of the motion; NaN
     where the file ends with the range."""
+    foot_moved: float
+    """Largest distance by which a foot was moved for its leg to reach it [m]."""
     remarks: tuple[str, ...] = ()
     """What was repaired in the file, and whether the feet reach the floor."""
 
@@ -88,25 +109,52 @@ def retarget(
         raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
     start, end = entry.frames.resolve(motion.num_frames, str(path))
     targets = pose_targets(motion, source, solver.spec)
-    if config.mode == "contact" and config.search_frames > 0:
-        start, end = best_cycle(targets, start, end, config.search_frames)
-    selected = SelectedRange(
-        name=entry.name,
-        targets=targets.frames(start, min(end + 1, motion.num_frames)),
-        open_ended=end == motion.num_frames,
-        frame_duration=1.0 / motion.rate,
-        origin=entry.origin(path, start, end, motion.rate),
-    )
+    if config.mode == "contact":
+        start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
+    origin = entry.origin(path, start, end, motion.rate)
+    time_scale = source.scale**0.5 if config.time_scale == "froude" else config.time_scale
+    scaled = motion.scaled(source.scale)
+    selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
-    clip = make(selected, solver, config)
-    clip = replace(clip, keypoints=keypoints_of(clip, motion.scaled(source.scale), targets, start, end))
-    steps = np.linalg.norm(np.diff(selected.targets.root_position[:, :2], axis=0), axis=1)
+    clip, moved = make(selected, solver, config)
+    keypoints = keypoints_of(clip, scaled, targets, start, end)
+    clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
+    steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
     remarks = motion.remarks + reach_remarks(clip.foot_position[..., 2] - solver.spec.foot_radius)
-    return Retargeted(clip, float(steps.sum()), score, remarks)
+    return Retargeted(clip, float(steps.sum()), score, moved, remarks)
 
 
-def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: PoseTargets, start: int, end: int) -> Skeleton:
+def select(
+    name: str,
+    targets: Poses,
+    toes: Array,
+    origin: ClipOrigin,
+    time_scale: float,
+    spec: RobotSpec,
+    config: RetargetConfig,
+) -> SelectedRange:
+    """Cut a range out of a motion, its base smoothed and its stances detected with what lies around it.
+
+    The animal's toes tell when a foot stands: the robot's feet are farther apart, so that a turn moves them.
+    """
+    step, start, end = 1.0 / origin.source_rate, origin.start, origin.end
+    context = round(CONTEXT / step)
+    first = max(start - context, 0)
+    near = targets.frames(first, end + context)
+    assert near.feet is not None
+    heights = near.feet[..., 2:] - spec.foot_radius
+    planar = toes[first : first + len(near), :, :2]
+    stance = detect_stance(np.concatenate([planar, heights], axis=-1), step, config)
+    if config.mode == "contact":
+        position, orientation = smooth_root(near.root_position, near.root_orientation, config.smoothing / step)
+        near = replace(near, root_position=position, root_orientation=orientation)
+    chosen = near.frames(start - first, end + 2 - first)
+    chosen = chosen.extrapolated(end - start + 2 - len(chosen))
+    return SelectedRange(name, chosen, stance[start - first : end - first], step, time_scale, origin)
+
+
+def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: Poses, start: int, end: int) -> Skeleton:
     """Return the source's keypoints from ``start`` to ``end``, in the world frame of the clip made from them.
 
     Args:
@@ -122,113 +170,105 @@ def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: PoseTargets,
     return skeleton_at(motion.frames(start, end), floor, source_root, (clip.root_position, clip.root_orientation))
 
 
-def retarget_plain(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
+def retarget_plain(
+    selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
+) -> tuple[MotionClip, float]:
     """Follow the paper's rule: inverse kinematics frame by frame, then a blended seam in joint space."""
-    targets = selected.targets
-    solved = solver.solve(targets)
-    poses = PoseSequence(solved.root_position, solved.root_orientation, solved.joint_position)
-    if selected.open_ended:
-        poses = with_extrapolated_frame(poses)
-    closed, cycle = close_cycle(recentred(poses), config.blend_frames)
-    feet = targets.foot_position - np.array([0.0, 0.0, solver.spec.foot_radius])
-    num_frames = len(closed.root_position)
-    stance = detect_stance(feet, targets.root_position, selected.frame_duration, config)[:num_frames].astype(float)
-    residual = solved.residual[:num_frames]
-    return assemble_clip(
-        selected.name,
-        selected.frame_duration,
-        closed.root_position,
-        closed.root_orientation,
-        closed.channels,
-        stance,
-        residual,
-        cycle,
-        selected.origin,
-        solver.spec,
-    )
+    solved, residual = solver.solve(selected.targets)
+    closed, cycle = close_cycle(solved, selected.num_frames, config.blend_time / selected.frame_duration)
+    return clip_of(selected, closed, selected.stance, residual[: selected.num_frames], cycle, solver.spec), 0.0
 
 
-def retarget_contacts(selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig) -> MotionClip:
+def retarget_contacts(
+    selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
+) -> tuple[MotionClip, float]:
     """Close the cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
+
+    Returns the clip, and by how far a foot was moved for its leg to reach it at most [m].
 
     All of it is done on the cycle continued on both sides, so that what comes out in the middle is periodic.
     """
-    targets, frame_duration = selected.targets, selected.frame_duration
-    poses = PoseSequence(targets.root_position, targets.root_orientation, feet_in_heading_frame(targets))
-    if selected.open_ended:
-        poses = with_extrapolated_frame(poses)
-    closed, cycle = close_cycle(recentred(poses), config.blend_frames)
-    num_frames = len(closed.root_position)
-    margin = max(num_frames, round(MARGIN_TIME / frame_duration))
-    longer = extend_cyclically(closed.root_position, closed.root_orientation, closed.channels, cycle, margin, margin)
-    feet = feet_in_world(longer)
-    feet[..., 2] -= solver.spec.foot_radius
-    stance = detect_stance(feet, longer.root_position, frame_duration, config)
-    feet = hold_feet(feet, stance, config)
-    feet[..., 2] += solver.spec.foot_radius
-    position, orientation = smooth_root(
-        longer.root_position, longer.root_orientation, config.smoothing / frame_duration
-    )
-    position = fit_height(solver.spec, position, orientation, feet, frame_duration, config)
+    frame_duration, num_frames = selected.frame_duration, selected.num_frames
+    closed, cycle = close_cycle(selected.targets, num_frames, config.blend_time / frame_duration)
+    margin = round(MARGIN_TIME / frame_duration) + longest_stance(selected.stance)
+    longer = extend_cyclically(closed, cycle, margin, margin)
+    stance = selected.stance[np.arange(-margin, num_frames + margin) % num_frames]
+    longer, stance, moved = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
+    if config.time_scale == "froude":
+        longer = fly(longer, stance, GRAVITY * (selected.time_scale * frame_duration) ** 2, frame_duration)
+    longer = fit_height(solver.spec, longer, frame_duration, config)
     first = round(SOLVED_MARGIN / frame_duration)
-    around = slice(margin - first, margin + num_frames + first)
-    solved = solve_above_floor(position[around], orientation[around], feet[around], frame_duration, solver)
+    around = longer.frames(margin - first, margin + num_frames + first)
+    solved, residual = solver.solve(above_floor(around, frame_duration, solver.spec))
     middle = slice(first, first + num_frames)
-    centred = recentred(
-        PoseSequence(solved.root_position[middle], solved.root_orientation[middle], solved.joint_position[middle])
-    )
     step = cycle_between(solved, first, num_frames)
-    clip = assemble_clip(
-        selected.name,
-        frame_duration,
-        centred.root_position,
-        centred.root_orientation,
-        centred.channels,
-        stance[margin : margin + num_frames].astype(float),
-        solved.residual[middle],
-        step,
-        selected.origin,
-        solver.spec,
+    poses = solved.frames(middle.start, middle.stop).recentred()
+    clip = clip_of(selected, poses, stance[margin : margin + num_frames], residual[middle], step, solver.spec)
+    return slowed_to_motors(clip, solver.spec), float(moved[margin : margin + num_frames].max())
+
+
+def longest_stance(stance: NDArray[np.bool_]) -> int:
+    """Return how long a foot stands at most, on and on over the seam [frames]; at most one cycle."""
+    runs = [run for foot in np.concatenate([stance, stance]).T for run in intervals(foot)]
+    return min(max((run.last - run.first + 1 for run in runs), default=0), len(stance))
+
+
+def clip_of(
+    selected: SelectedRange,
+    poses: Poses,
+    stance: NDArray[np.bool_],
+    residual: Array,
+    cycle: CycleStep,
+    spec: RobotSpec,
+) -> MotionClip:
+    """Return the clip of a range."""
+    return assemble_clip(
+        poses,
+        spec,
+        name=selected.name,
+        frame_duration=selected.frame_duration * selected.time_scale,
+        stance=stance.astype(float),
+        residual=residual,
+        cycle=cycle,
+        origin=selected.origin,
+        time_scale=selected.time_scale,
     )
-    return slowed_to_motors(clip, solver.spec)
 
 
-def feet_in_heading_frame(targets: PoseTargets) -> Array:
-    """Return the feet relative to the root's place in the plane, in its heading; heights over the floor stay.
+def stand(
+    poses: Poses, stance: NDArray[np.bool_], spec: RobotSpec, config: RetargetConfig
+) -> tuple[Poses, NDArray[np.bool_], Array]:
+    """Return the poses with feet that roll where they stand; which of them stand; how far they were moved to reach."""
+    assert poses.feet is not None
+    radius = np.array([0.0, 0.0, spec.foot_radius])
+    reach = leg_reach(spec, poses.root_position, poses.root_orientation, config.knee_margin, LARGEST_DIP)
+    rolling = np.zeros((len(poses), 4, 2))
+    for _ in range(ROLLING_PASSES):
+        held, *_ = hold_feet(poses.feet - radius, stance, rolling, reach, config)
+        rolling = rolled(spec, replace(poses, feet=held + radius))
+    held, kept, moved = hold_feet(poses.feet - radius, stance, rolling, reach, config)
+    return replace(poses, feet=held + radius), kept, moved
 
-    Shape [num_frames, 12].
-    """
-    offset = targets.foot_position - targets.root_position[:, None] * np.array([1.0, 1.0, 0.0])
-    return turn_planar(offset, -heading(targets.root_orientation)[:, None]).reshape(len(offset), 12)
 
-
-def feet_in_world(poses: PoseSequence) -> Array:
-    """Undo ``feet_in_heading_frame``: foot centres in the world [m], shape [num_frames, 4, 3]."""
-    feet = turn_planar(poses.channels.reshape(-1, 4, 3), heading(poses.root_orientation)[:, None])
-    return feet + poses.root_position[:, None] * np.array([1.0, 1.0, 0.0])
-
-
-def solve_above_floor(
-    position: Array, orientation: Array, feet: Array, frame_duration: float, solver: InverseKinematics
-) -> RobotTrajectory:
-    """Solve for the joints, raising the base where trunk, head or knees would be below the floor."""
-    time = np.arange(len(position), dtype=np.float64) * frame_duration
-    solved = solver.solve(PoseTargets(time, position, orientation, feet))
+def above_floor(poses: Poses, frame_duration: float, spec: RobotSpec) -> Poses:
+    """Return the poses with the base raised where trunk, head or knees would be below the floor."""
+    assert poses.feet is not None
     for _ in range(FLOOR_PASSES):
-        lowest = lowest_body_point(solver.spec, solved.root_position, solved.root_orientation, solved.joint_position)
+        position, orientation = poses.root_position, poses.root_orientation
+        lowest = lowest_body_point(spec, position, orientation, joints_for(spec, poses))
         if lowest.min() >= 0.0:
             break
         position = position.copy()
         position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, ramp_frames(frame_duration))
-        solved = solver.solve(PoseTargets(time, position, orientation, feet))
-    return solved
+        poses = replace(poses, root_position=position)
+    return poses
 
 
-def cycle_between(solved: RobotTrajectory, first: int, num_frames: int) -> CycleStep:
+def cycle_between(poses: Poses, first: int, num_frames: int) -> CycleStep:
     """Return the displacement from a frame to the one a cycle later, as seen from the former."""
     ends = [first, first + num_frames]
-    yaw = heading(solved.root_orientation[ends])
-    offset = turn_planar(solved.root_position[ends[1]] - solved.root_position[ends[0]], -yaw[0])
+    yaw = heading(poses.root_orientation[ends])
+    offset = turn_planar(poses.root_position[ends[1]] - poses.root_position[ends[0]], -yaw[0])
     return CycleStep(float(offset[0]), float(offset[1]), float(wrap_angle(yaw[1] - yaw[0])))
 
 
@@ -237,16 +277,4 @@ def slowed_to_motors(clip: MotionClip, spec: RobotSpec) -> MotionClip:
     factor = float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max())
     if factor <= 1.0:
         return clip
-    return assemble_clip(
-        clip.name,
-        clip.frame_duration * factor,
-        clip.root_position,
-        clip.root_orientation,
-        clip.joint_position,
-        clip.stance,
-        clip.residual,
-        clip.cycle,
-        clip.origin,
-        spec,
-        factor,
-    )
+    return replace(clip, frame_duration=clip.frame_duration * factor, slow_down=factor).completed(spec)

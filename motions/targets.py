@@ -1,13 +1,12 @@
 """From an animal's keypoints to the poses that the robot's base and feet should take (paper, section 3.1)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.floor import fit_floor
 from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import from_matrices, heading, to_rotation, turn_planar
@@ -20,31 +19,8 @@ LONGEST_FLIGHT = 0.6
 """Largest share of a cycle that an animal is in the air."""
 
 
-@dataclass(frozen=True)
-class PoseTargets:
-    """Task-space targets of the robot, frame by frame, in the source's world frame with the floor at height 0."""
-
-    time: Array
-    """Time stamps [s], shape [num_frames]."""
-    root_position: Array
-    """Base link origin [m], shape [num_frames, 3]."""
-    root_orientation: Array
-    """Base link orientation (w, x, y, z), shape [num_frames, 4]."""
-    foot_position: Array
-    """Foot centres, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
-
-    def frames(self, start: int, stop: int) -> "PoseTargets":
-        """Return the frames ``start`` to ``stop`` (exclusive)."""
-        return PoseTargets(
-            self.time[start:stop],
-            self.root_position[start:stop],
-            self.root_orientation[start:stop],
-            self.foot_position[start:stop],
-        )
-
-
-def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) -> PoseTargets:
-    """Map an animal's keypoints onto the robot.
+def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) -> Poses:
+    """Map an animal's keypoints onto the robot: poses with feet, in the source's frame with the floor at height 0.
 
     The base sits below the midpoint of pelvis and neck and looks from pelvis to neck. Each foot lies where the
     animal's toe lies relative to its hip, seen from the robot's own hip, moved outwards by the width of the thigh. A
@@ -70,7 +46,7 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
     outward[..., 1] = source.foot_outward * np.sign(hip_offsets[:, 1])
     feet += turn_planar(outward, heading(orientation)[:, None])
     feet[..., 2] = spec.foot_radius + np.maximum(toes[..., 2] - stance_height, 0.0)
-    return PoseTargets(motion.time, root, orientation, feet)
+    return Poses(root, orientation, feet=feet)
 
 
 def standing_height(motion: KeypointMotion) -> Array:

@@ -52,3 +52,55 @@ def _rotate_x(angle: Array, vector: Array) -> Array:
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y, z = np.moveaxis(vector, -1, 0)
     return np.stack([x, cosine * y - sine * z, sine * y + cosine * z], axis=-1)
+
+
+def shank_rotations(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return the orientations of the calf links in the base frame, shape [..., 4, 3, 3]."""
+    angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
+    roll, pitch = angles[..., 0], angles[..., 1] + angles[..., 2]
+    columns = (
+        np.stack([np.cos(pitch), np.zeros_like(pitch), -np.sin(pitch)], axis=-1),
+        np.broadcast_to([0.0, 1.0, 0.0], (*pitch.shape, 3)),
+        np.stack([np.sin(pitch), np.zeros_like(pitch), np.cos(pitch)], axis=-1),
+    )
+    return np.stack([_rotate_x(roll, column) for column in columns], axis=-1)
+
+
+def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: float) -> Array:
+    """Return the velocity of the lowest point of foot spheres, the point that touches the floor.
+
+    A foot that rolls over its contact has a moving centre and a contact point at rest, so slip is measured here. The
+    point's place is ``(0, 0, -radius)`` from the centre in the world frame.
+
+    Args:
+        foot_velocity: Of the foot's centre, world frame [m/s], shape [..., 3].
+        angular_velocity: Of the shank that the foot is fixed to, world frame [rad/s], shape [..., 3].
+        radius: Of the sphere [m].
+    """
+    turning = np.asarray(angular_velocity)
+    rolling = np.stack([-turning[..., 1], turning[..., 0], np.zeros_like(turning[..., 0])], axis=-1)
+    return np.asarray(foot_velocity) + radius * rolling
+
+
+def leg_angles(spec: RobotSpec, feet_b: Array) -> Array:
+    """Return the joint positions that put the feet somewhere, knees bent backwards [rad], shape [..., 12].
+
+    Feet out of reach are taken to lie on the edge of the reach, in the same direction; limits are not looked at. The
+    thigh joint must lie beside the hip joint, as the Go2's does.
+
+    Args:
+        spec: The robot.
+        feet_b: Foot centres in the base frame [m], shape [..., 4, 3].
+    """
+    angles = np.empty((*np.shape(feet_b)[:-1], 3))
+    for index, leg in enumerate(spec.legs):
+        x, y, z = np.moveaxis(feet_b[..., index, :] - np.array(leg.hip_offset), -1, 0)
+        width, thigh, calf = leg.thigh_offset[1], leg.thigh_length, leg.calf_length
+        down = np.sqrt(np.maximum(y**2 + z**2 - width**2, 1e-12))
+        roll = np.arctan2(z, y) - np.arctan2(-down, width)
+        cosine = (x**2 + down**2 - thigh**2 - calf**2) / (2.0 * thigh * calf)
+        knee = -np.arccos(np.clip(cosine, -1.0, 1.0))
+        pitch = np.arctan2(-x, down) - np.arctan2(calf * np.sin(knee), thigh + calf * np.cos(knee))
+        roll = (roll + np.pi) % (2.0 * np.pi) - np.pi
+        angles[..., index, :] = np.stack([roll, pitch, knee], axis=-1)
+    return angles.reshape(*angles.shape[:-2], 12)

@@ -24,6 +24,7 @@ from kine2go_warp.motions.clip import MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
@@ -74,17 +75,20 @@ def clip(solver: InverseKinematics) -> MotionClip:
 def standing_clip(clip: MotionClip) -> MotionClip:
     """A clip of the robot standing in its default pose."""
     frames = 10
-    return assemble_clip(
-        "standing",
-        1.0 / 60.0,
+    poses = Poses(
         np.tile([0.0, 0.0, GO2.default_root_height], (frames, 1)),
         np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
         np.tile(GO2.default_joint_position, (frames, 1)),
-        np.ones((frames, 4)),
-        np.zeros(frames),
-        CycleStep(0.0, 0.0, 0.0),
-        clip.origin,
+    )
+    return assemble_clip(
+        poses,
         GO2,
+        name="standing",
+        frame_duration=1.0 / 60.0,
+        stance=np.ones((frames, 4)),
+        residual=np.zeros(frames),
+        cycle=CycleStep(0.0, 0.0, 0.0),
+        origin=clip.origin,
     )
 
 

@@ -15,7 +15,7 @@ from rich.text import Text
 from kine2go_warp.device import start_warp
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
-from kine2go_warp.motions.targets import PoseTargets
+from kine2go_warp.motions.poses import Poses
 from kine2go_warp.tables import Cell, Table, make_table
 
 if TYPE_CHECKING:
@@ -167,19 +167,20 @@ def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engi
 
 
 def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:
-    """Print the figures of retargeted clips."""
-    headings = ("clip", "frames", "period", "speed", "residual", "below floor", "slip", "limits", "seam", "remarks")
+    """Print the metrics of retargeted clips."""
+    headings = ("clip", "frames", "period", "speed", "pitch", "swings", "duty", "height", "seam", "slip", "remarks")
     rows = [
         (
             row.name,
             f"{row.start}-{row.end}",
             f"{row.period:.2f} s",
             f"{row.speed:.2f} m/s",
-            f"{1e3 * row.residual:.2f} mm",
-            f"{1e3 * row.penetration:.1f} mm",
-            f"{row.stance_slip:.3f} m/s",
-            f"{row.joint_margin:.2f} rad",
-            f"{row.seam_jump:.2f}",
+            f"{row.fidelity.trunk_pitch:+.1f} deg",
+            f"{row.fidelity.swing_front:.2f} {row.fidelity.swing_hind:.2f}",
+            f"{row.fidelity.duty:+.3f}",
+            f"r {row.fidelity.height_correlation:.2f}",
+            f"{row.fidelity.seam_acceleration:.1f} m/s^2",
+            f"{row.fidelity.contact_slip:.3f} m/s",
             "; ".join(remarks[row.name]),
         )
         for row in qualities
@@ -187,7 +188,7 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
     print_table(make_table(str(folder), headings, rows, ("clip", "remarks")))
 
 
-def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: PoseTargets, file: Path) -> None:
+def print_cycles(found: Sequence[CycleCandidate], rate: float, targets: Poses, file: Path) -> None:
     """Print the best ranges of a motion."""
     rows = []
     for one in found:

@@ -1,5 +1,6 @@
 """Named settings for training: the paper's table, minutes instead of hours, and those with domain randomisation."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -218,3 +219,27 @@ def find_preset(name: str) -> Preset:
     if not isinstance(found, Preset):
         raise Kine2GoError(f"{file}: '{attribute}' is no Preset")
     return replace(found, preset=f"{Path(file).resolve()}:{attribute}")
+
+
+def base_preset(
+    section: Any,
+    where: str,
+    error: type[Kine2GoError] = Kine2GoError,
+    locate: Callable[[str], str] = lambda _: "",
+) -> Preset:
+    """Return the preset that the section ``train`` of a file names, ``fast`` if it names none.
+
+    Args:
+        section: What the file holds there, which may be anything.
+        where: Name of the file.
+        error: Type of error to raise.
+        locate: Returns what the message adds to ``where`` for a key.
+
+    Raises:
+        Kine2GoError: there is no preset of that name.
+    """
+    name = section.get("preset", FAST.preset) if isinstance(section, dict) else FAST.preset
+    try:
+        return find_preset(name) if isinstance(name, str) else FAST
+    except Kine2GoError as problem:
+        raise error(f"{where}{locate('train.preset')}: {problem}") from None

@@ -8,7 +8,6 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.recordings.layout import curves, scene, turned, whole
 from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.robot import RobotDrawer
@@ -35,10 +34,9 @@ def record_clip(
     The seam is where one cycle ends and the next begins: marks on the root's path and on the curves.
     """
     num_rows = cycles * clip.num_frames
-    motion = extend_cyclically(
-        clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, 0, num_rows - clip.num_frames
-    )
-    poses = poses_of(spec, motion.root_position, motion.root_orientation, motion.channels)
+    motion = clip.extended(0, num_rows - clip.num_frames)
+    assert motion.joints is not None
+    poses = poses_of(spec, motion.root_position, motion.root_orientation, motion.joints)
     time = np.arange(num_rows, dtype=np.float64) * clip.frame_duration
     standing = np.tile(clip.stance > 0.5, (cycles, 1))
     seams = np.arange(clip.num_frames, num_rows, clip.num_frames)
@@ -49,7 +47,7 @@ def record_clip(
         log_ways(columns, poses, standing, seams)
         log_keypoints(columns, clip, cycles)
         log_stances(columns, standing, spec)
-        log_joints(columns, motion.channels, spec)
+        log_joints(columns, motion.joints, spec)
         columns.curves("plots/residual", 1e3 * np.tile(clip.residual, cycles)[:, None], ["residual"], [ROOT_COLOUR])
         log_seams(recording, time[seams])
         columns.fix("text", rr.TextDocument(clip_text(clip, cycles), media_type="text/markdown"))
@@ -119,7 +117,7 @@ def clip_text(clip: MotionClip, cycles: int) -> str:
         "period": f"{clip.period:.3f} s, {clip.num_frames} frames",
         "a cycle leads": f"{distance:.3f} m, {clip.cycle.yaw:.3f} rad",
         "mean speed": f"{distance / clip.period:.2f} m/s",
-        "slowed by": f"{clip.slow_down:g}",
+        "time scale": f"{clip.time_scale:g}, slowed by {clip.slow_down:g}",
         "largest residual": f"{1e3 * clip.residual.max():.2f} mm",
         "source": f"{origin.source}, frames {origin.start} to {origin.end} at {origin.source_rate:g} Hz",
         "licence": origin.licence,

@@ -17,7 +17,6 @@ from kine2go_warp.deployment.reference import PlacedClip
 from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.motions.clip import assemble_clip
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.robots import GO2
 
@@ -46,18 +45,7 @@ def begin_as(environment, world, controller):
 @pytest.fixture(scope="module")
 def turning_clip(clip):
     """The trot along a curve: a cycle turns by 0.4 rad, with frames of 1/50 s."""
-    return assemble_clip(
-        "turning",
-        0.02,
-        clip.root_position,
-        clip.root_orientation,
-        clip.joint_position,
-        clip.stance,
-        clip.residual,
-        CycleStep(clip.cycle.x, 0.1, 0.4),
-        clip.origin,
-        GO2,
-    )
+    return replace(clip, name="turning", frame_duration=0.02, cycle=CycleStep(clip.cycle.x, 0.1, 0.4)).completed(GO2)
 
 
 @pytest.mark.parametrize(

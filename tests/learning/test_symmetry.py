@@ -15,7 +15,6 @@ from kine2go_warp.learning.symmetry import Mirrored, mirrored_action, with_mirro
 from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.motions.catalogue import motion_named
-from kine2go_warp.motions.clip import assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
@@ -27,18 +26,15 @@ def mirror_clip(clip):
     """The clip left for right."""
     cycle = replace(clip.cycle, y=-clip.cycle.y, yaw=-clip.cycle.yaw)
     joints = mirrored_action(torch.from_numpy(clip.joint_position)).numpy()
-    return assemble_clip(
-        clip.name,
-        clip.frame_duration,
-        clip.root_position * [1.0, -1.0, 1.0],
-        clip.root_orientation * [1.0, -1.0, 1.0, -1.0],
-        joints,
-        clip.stance[:, [1, 0, 3, 2]],
-        clip.residual,
-        cycle,
-        clip.origin,
-        GO2,
+    mirrored = replace(
+        clip,
+        root_position=clip.root_position * [1.0, -1.0, 1.0],
+        root_orientation=clip.root_orientation * [1.0, -1.0, 1.0, -1.0],
+        joint_position=joints,
+        stance=clip.stance[:, [1, 0, 3, 2]],
+        cycle=cycle,
     )
+    return mirrored.completed(GO2)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ import pytest
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.motions.cycle import extend_cyclically
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import heading, to_rotation
@@ -43,7 +42,7 @@ def test_the_mean_velocity_is_the_displacement_over_the_period(clip):
 
 
 def test_angular_velocity_turns_the_root(clip):
-    poses = extend_cyclically(clip.root_position, clip.root_orientation, clip.joint_position, clip.cycle, 0, 1)
+    poses = clip.extended(0, 1)
     rotations = to_rotation(poses.root_orientation)
     turns = (rotations[1:] * rotations[:-1].inv()).as_rotvec() / clip.frame_duration
     between = 0.5 * (clip.root_angular_velocity + np.roll(clip.root_angular_velocity, -1, axis=0))
@@ -71,8 +70,10 @@ def test_resampling_keeps_period_and_path_in_time(clip, rate):
 def test_saving_and_loading_changes_nothing(clip, tmp_path):
     clip.save(tmp_path / "clip.npz")
     loaded = MotionClip.load(tmp_path / "clip.npz")
-    for name, value in vars(replace(clip, keypoints=None)).items():
-        np.testing.assert_array_equal(getattr(replace(loaded, keypoints=None), name), value, err_msg=name)
+    # test_skeleton.py and test_fidelity.py look at these two.
+    aside = {"keypoints": None, "fidelity": None}
+    for name, value in vars(replace(clip, **aside)).items():
+        np.testing.assert_array_equal(getattr(replace(loaded, **aside), name), value, err_msg=name)
     assert loaded.content_hash() == clip.content_hash()
     assert loaded.content_hash() != replace(clip, frame_duration=0.02).content_hash()
     assert [path.name for path in tmp_path.iterdir()] == ["clip.npz"], "no temporary file is left"

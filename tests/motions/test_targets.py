@@ -36,7 +36,7 @@ def test_the_base_follows_the_trunk_level_and_at_the_scaled_speed():
 def test_a_standing_foot_stands_on_the_floor_and_a_swinging_one_is_lifted():
     gait = DogGait()
     motion, generated = keypoints(gait)
-    height = pose_targets(motion, SOURCE, GO2).foot_position[..., 2] - GO2.foot_radius
+    height = pose_targets(motion, SOURCE, GO2).feet[..., 2] - GO2.foot_radius
     np.testing.assert_allclose(height[generated.contact], 0.0, atol=1e-9)
     assert height.min() >= -1e-12
     assert height.max() == pytest.approx(SOURCE.scale * gait.step_height, abs=2e-3)
@@ -44,7 +44,7 @@ def test_a_standing_foot_stands_on_the_floor_and_a_swinging_one_is_lifted():
 
 def test_a_standing_foot_does_not_slide():
     motion, generated = keypoints(DogGait(turn_rate=0.0))
-    feet = pose_targets(motion, SOURCE, GO2).foot_position
+    feet = pose_targets(motion, SOURCE, GO2).feet
     both = generated.contact[1:] & generated.contact[:-1]
     assert (np.linalg.norm(np.diff(feet, axis=0), axis=-1) * 60.0)[both].max() < 0.01
 
@@ -58,8 +58,8 @@ def test_turning_and_moving_the_animal_turns_and_moves_the_robot(yaw):
     there = pose_targets(replace(motion, position=moved_points), SOURCE, GO2)
     expected_shift = SOURCE.scale * shift
     np.testing.assert_allclose(there.root_position, turn.apply(here.root_position) + expected_shift, atol=1e-9)
-    feet = turn.apply(here.foot_position.reshape(-1, 3)).reshape(here.foot_position.shape) + expected_shift
-    np.testing.assert_allclose(there.foot_position, feet, atol=1e-9)
+    feet = turn.apply(here.feet.reshape(-1, 3)).reshape(here.feet.shape) + expected_shift
+    np.testing.assert_allclose(there.feet, feet, atol=1e-9)
     error = to_rotation(there.root_orientation) * (turn * to_rotation(here.root_orientation)).inv()
     assert error.magnitude().max() < 1e-9
 

@@ -80,7 +80,7 @@ def test_hops_come_back_joint_by_joint_with_no_splay(solver, tmp_path):
     write_solo8(rows[None], tmp_path / "hops.pt")
     entry = load_catalogue()["solo8_jump_forward_a"]
     entry = replace(entry, file="hops.pt:0", frames=FrameRange(25, 50))
-    clip = retarget(entry, tmp_path, solver, RetargetConfig(mode="plain", search_frames=0)).clip
+    clip = retarget(entry, tmp_path, solver, RetargetConfig(mode="plain", search_time=0.0)).clip
     assert np.degrees(np.abs(clip.joint_position[:, ::3])).max() < 0.5
     ours = clip.joint_position.reshape(-1, 4, 3)[:, :2, 1:]
     theirs = rows[25:50, 17:21].reshape(-1, 2, 2)
