@@ -25,11 +25,11 @@ class Sim2Sim:
     exported: Path | None = None
     """Its export; by default export in the policy folder, which is made if it is missing."""
     worlds: int = 32
-    """Rollouts of each clip; their beginnings are spread evenly over the cycle."""
+    """Rollouts of each clip; initial phases and headings are evenly spaced."""
     seconds: float = 20.0
     """Length of a rollout [s]."""
     seed: int = 1
-    """Seed of what differs between the beginnings."""
+    """Seed of what differs between the initial states."""
     json: Path | None = None
     """Write the results to this file; by default sim2sim.json in the policy folder."""
     overwrite: bool = False
