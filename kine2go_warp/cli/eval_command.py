@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import PolicyPath
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
@@ -32,7 +33,7 @@ HEADLINES = {
 class Eval:
     """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes."""
 
-    policy: tyro.conf.Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     json: Path | None = None
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
-
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import PolicyPath
 from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 class Sim2Sim:
     """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton."""
 
-    policy: tyro.conf.Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     exported: Path | None = None
     """Its export; by default export in the policy folder, which is made if it is missing."""
