@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from kine2go_warp.robots.spec import RobotSpec
 
+
 mujoco: Any = mujoco_package
 """The package without its types: it names its compiled classes in a way that type checkers do not see."""
 
