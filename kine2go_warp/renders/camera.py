@@ -22,6 +22,18 @@ TURN_SMOOTHING = 1.0
 
 
 @dataclass(frozen=True)
+class Pose:
+    """Where a robot is and how it holds its legs."""
+
+    root_position: NDArray[np.floating]
+    """Base link origin in the world [m], shape [3]."""
+    root_orientation: NDArray[np.floating]
+    """Base link in the world, (w, x, y, z), shape [4]."""
+    joint_position: NDArray[np.floating]
+    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
+
+
+@dataclass(frozen=True)
 class View:
     """Where the camera looks."""
 

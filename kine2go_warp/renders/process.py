@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
-from kine2go_warp.renders.camera import View
+from kine2go_warp.renders.camera import Pose, View
 
 Picture = NDArray[np.uint8]
 
@@ -30,18 +30,6 @@ HELP = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6 
 
 PATIENCE = 5.0
 """How long the process may take to end [s]."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where a robot is and how it holds its legs."""
-
-    root_position: NDArray[np.floating]
-    """Base link origin in the world [m], shape [3]."""
-    root_orientation: NDArray[np.floating]
-    """Base link in the world, (w, x, y, z), shape [4]."""
-    joint_position: NDArray[np.floating]
-    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
 
 
 @dataclass(frozen=True)
