@@ -65,7 +65,7 @@ class FollowCamera:
             root_orientation: (w, x, y, z), shape [num_rows, 4].
             rate: Rows a second [Hz].
         """
-        yaw = np.unwrap(heading(root_orientation))
+        yaw = np.unwrap(heading(root_orientation)).astype(np.float64)
         targets = smoothed(np.asarray(root_position, np.float64), SMOOTHING * rate)
         targets[:, 2] -= 0.06  # the middle of the robot is lower than its base
         return cls(targets, np.rad2deg(smoothed(yaw[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)
