@@ -19,14 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
+from kine2go_warp.renders import HELP
 from kine2go_warp.renders.camera import Pose, View
 
 Picture = NDArray[np.uint8]
 
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Ways to draw without a display, and the library that each needs."""
-
-HELP = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6 and set MUJOCO_GL=osmesa"
 
 PATIENCE = 5.0
 """How long the process may take to end [s]."""

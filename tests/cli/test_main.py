@@ -218,7 +218,7 @@ def test_sources_are_listed_and_checked(tmp_path):
     assert listed.returncode == 0
     assert "solo8_crawl_fast" in listed.stdout
     assert "CC BY-SA 4.0" in listed.stdout
-    assert "its reference is the ellipse walk" in listed.stdout
+    assert "No jump: a second ellipse walk" in listed.stdout
     checked = kine2go("sources", "check", "dog_trot", "ai4_dog_pace", cwd=tmp_path)
     assert checked.returncode == 2
     assert "whole" in checked.stdout
