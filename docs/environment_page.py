@@ -191,7 +191,7 @@ def reset_section(config: EnvConfig) -> str:
 Clip, phase in the cycle and heading are drawn anew for each episode; half widths of what is added to them:
 
 {table(("quantity", "value", "unit", "meaning"), rows)}
-Phases are drawn evenly, or, with `phase_sampling.uniform_share` below 1, more often where the robot has failed of late:
+Phases are drawn evenly, or, with `phase_sampling.uniform_share` below 1, more often where the robot failed recently:
 each clip is cut into {sampling.bins} bins, failures count {sampling.lookback} s before they happen, and counts fade by
 the factor {sampling.memory} in a control step.
 """

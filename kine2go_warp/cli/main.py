@@ -61,7 +61,7 @@ FIRST_STEPS = """From quadruped motion clips to state-action data for the Unitre
 USER_ERROR = 2
 INTERRUPTED = 130
 PIPE_CLOSED = 141
-"""Exit status of a process whose output nobody reads any more, as if SIGPIPE had ended it."""
+"""Exit status after the reader of the output has closed the pipe, that of SIGPIPE."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Kine2GoError as error:
         return report(str(error))
     except BrokenPipeError:
-        # The interpreter would complain when it flushes what nobody reads.
+        # The interpreter would report an error when it flushes into the closed pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except OSError as error:

@@ -9,7 +9,7 @@ draws.
 import contextlib
 import ctypes.util
 import os
-import pickle
+import pickle  # between this process and the one that it starts; nothing comes from a file
 import subprocess
 import sys
 from dataclasses import dataclass

@@ -57,6 +57,7 @@ def test_a_file_that_has_changed_since_is_written_again(motion, folder):
 
 
 def test_a_recording_of_another_version_of_rerun_is_written_again(motion, folder, monkeypatch):
+    """Case 17-recording-of-another-rerun."""
     cache = RecordingCache(folder, Style())
     cache.ensure(motion)
     monkeypatch.setattr("rerun.__version__", "0.22.0")
