@@ -24,26 +24,29 @@ StrPath = str | PathLike[str]
 
 
 @named_extras()
-def retarget(motion: str, data: StrPath | None = None, **settings: Any) -> "MotionClip":
-    """Retarget a motion of the catalogue to the Go2. Needs the extra ``retarget``.
+def retarget(motion: str, data: StrPath | None = None, robot: str = "go2", **settings: Any) -> "MotionClip":
+    """Retarget a motion of the catalogue to a robot. Needs the extra ``retarget``.
 
     Args:
         motion: Its name in the catalogue, such as ``dog_trot``.
         data: Folder of the source clips; not needed for a bundled motion.
+        robot: A name of ``robots.ROBOTS``, or ``my_robot.py:SPEC`` for a robot of your own.
         settings: Fields of ``RetargetConfig``.
 
     Raises:
         CatalogueError: there is no such motion, or its file is not there.
         ClipError: the file cannot be used.
+        Kine2GoError: there is no such robot.
     """
     from kine2go_warp.motions.catalogue import motion_named
     from kine2go_warp.motions.config import RetargetConfig
     from kine2go_warp.motions.inverse_kinematics import InverseKinematics
     from kine2go_warp.motions.retarget import retarget as retarget_entry
-    from kine2go_warp.robots import GO2
+    from kine2go_warp.robots import robot_named
 
     folder = None if data is None else Path(data)
-    return retarget_entry(motion_named(motion), folder, InverseKinematics(GO2), RetargetConfig(**settings)).clip
+    solver = InverseKinematics(robot_named(robot))
+    return retarget_entry(motion_named(motion), folder, solver, RetargetConfig(**settings)).clip
 
 
 @named_extras()
@@ -116,13 +119,13 @@ def gather(
         DatasetError: too few rollouts were accepted.
     """
     from kine2go_warp.dataset.writer import DatasetWriter
-    from kine2go_warp.robots import GO2
     from kine2go_warp.rollouts.config import GatherConfig
     from kine2go_warp.rollouts.gather import gather as gather_motion
 
     policy, config = as_policy(policy), GatherConfig(**settings)
+    robot = policy.robot
     return [
-        gather_motion(policy, DatasetWriter(Path(dataset), GO2), config, device, on_progress, motion=motion)
+        gather_motion(policy, DatasetWriter(Path(dataset), robot), config, device, on_progress, motion=motion)
         for motion in policy.motions(motions)
     ]
 

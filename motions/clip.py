@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton
-from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import from_rotation, to_rotation
 
@@ -69,6 +70,8 @@ class MotionClip:
     cycle: CycleStep
     """Displacement of one whole cycle."""
     origin: ClipOrigin
+    robot: str = DEFAULT_ROBOT
+    """Reference of the robot that it is for; see ``robots.robot_named``."""
     slow_down: float = 1.0
     """By which the motion was slowed to keep within the motors' speeds."""
     time_scale: float = 1.0
@@ -94,6 +97,15 @@ class MotionClip:
         for array in (self.root_position, self.root_orientation, self.joint_position):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
         return digest.hexdigest()[:16]
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The robot that it is for.
+
+        Raises:
+            Kine2GoError: the robot is not available here.
+        """
+        return stored_robot(self.robot, f"clip {self.name}")
 
     @property
     def poses(self) -> Poses:
@@ -155,6 +167,7 @@ class MotionClip:
         header = {
             "format_version": FORMAT_VERSION,
             "name": self.name,
+            "robot": self.robot,
             "frame_duration": self.frame_duration,
             "slow_down": self.slow_down,
             "time_scale": self.time_scale,
@@ -181,6 +194,7 @@ class MotionClip:
             if version == FORMAT_VERSION:
                 return cls(
                     name=header["name"],
+                    robot=header.get("robot", DEFAULT_ROBOT),
                     frame_duration=header["frame_duration"],
                     slow_down=header["slow_down"],
                     time_scale=header.get("time_scale", 1.0),
@@ -196,6 +210,22 @@ class MotionClip:
             problem = f"{error.__class__.__name__}: {error}"
             raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({problem})") from None
         raise ClipError(f"{path}: clip format {version}, expected {FORMAT_VERSION}; retarget it again")
+
+
+def robot_of(clips: Sequence[MotionClip]) -> RobotSpec:
+    """Return the robot that clips are for.
+
+    Raises:
+        ClipError: they are for different ones.
+        Kine2GoError: the robot is not available here.
+    """
+    for clip in clips:
+        if clip.robot != clips[0].robot:
+            raise ClipError(
+                f"clip {clip.name} is for the robot {clip.robot} and {clips[0].name} for {clips[0].robot}; "
+                "retarget them to one robot"
+            )
+    return clips[0].spec
 
 
 def assemble_clip(
@@ -227,5 +257,6 @@ def assemble_clip(
         residual=residual,
         cycle=cycle,
         origin=origin,
+        robot=spec.reference,
         time_scale=time_scale,
     ).completed(spec)

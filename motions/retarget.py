@@ -112,8 +112,9 @@ def retarget(
     if config.mode == "contact":
         start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
     origin = entry.origin(path, start, end, motion.rate)
-    time_scale = source.scale**0.5 if config.time_scale == "froude" else config.time_scale
-    scaled = motion.scaled(source.scale)
+    scale = source.proportions(solver.spec).scale
+    time_scale = scale**0.5 if config.time_scale == "froude" else config.time_scale
+    scaled = motion.scaled(scale)
     selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip, moved = make(selected, solver, config)

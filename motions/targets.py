@@ -30,20 +30,21 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
     Raises:
         ClipError: the animal's body has no extent, so that it has no forward direction.
     """
-    scaled = motion.scaled(source.scale)
-    orientation = root_orientation(scaled, source.forward_lift)
+    animal = source.proportions(spec)
+    scaled = motion.scaled(animal.scale)
+    orientation = root_orientation(scaled, animal.forward_lift)
     toes, hips = scaled.points("toe"), scaled.points("hip")
     stance_height = standing_height(scaled)
 
     root = 0.5 * (scaled.point("pelvis") + scaled.point("neck"))
-    root[:, 2] += spec.foot_radius - float(stance_height.mean()) - source.root_drop
+    root[:, 2] += spec.foot_radius - float(stance_height.mean()) - animal.root_drop
 
     hip_offsets = np.array([leg.hip_offset for leg in spec.legs])
     rotation = to_rotation(orientation).as_matrix()
     robot_hips = root[:, None] + np.einsum("tij,kj->tki", rotation, hip_offsets)
     feet = robot_hips + toes - hips
     outward = np.zeros((len(root), 4, 3))
-    outward[..., 1] = source.foot_outward * np.sign(hip_offsets[:, 1])
+    outward[..., 1] = animal.foot_outward * np.sign(hip_offsets[:, 1])
     feet += turn_planar(outward, heading(orientation)[:, None])
     feet[..., 2] = spec.foot_radius + np.maximum(toes[..., 2] - stance_height, 0.0)
     return Poses(root, orientation, feet=feet)

@@ -11,6 +11,7 @@ from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.catalogue import CatalogueEntry, motion_named
 from kine2go_warp.pipelines.recipe import Recipe
 from kine2go_warp.pipelines.workspace import MotionLog, Workspace
+from kine2go_warp.robots import RobotSpec, robot_named
 
 PROGRESS_INTERVAL = 0.5
 """Least time between two notes of one stage [s]."""
@@ -37,6 +38,11 @@ class Job:
     def entry(self) -> CatalogueEntry:
         """The motion in the catalogue."""
         return motion_named(self.motion)
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot of the recipe."""
+        return robot_named(self.recipe.robot)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from kine2go_warp.errors import Kine2GoError, RecipeError
 from kine2go_warp.learning.presets import FAST, Preset, base_preset
 from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.settings import from_dictionary, set_at
 from kine2go_warp.toml import place_in, read_toml
@@ -42,6 +43,8 @@ class Recipe:
     """Name of the folder that results go to."""
     motions: tuple[str, ...]
     """Names of catalogue entries."""
+    robot: str = DEFAULT_ROBOT
+    """Name of a robot, or FILE.py:NAME for one of your own."""
     accept: tuple[str, ...] = ()
     """Motions that are trained on even if their clip has gross faults."""
     retarget: RetargetConfig = field(default_factory=RetargetConfig)
@@ -102,6 +105,10 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
             refuse("motions", f"'motions' names {motion} more than once")
     if unknown := sorted(set(recipe.accept) - set(recipe.motions)):
         refuse("accept", f"'accept' names {', '.join(unknown)}, not among 'motions'")
+    try:
+        robot_named(recipe.robot)
+    except Kine2GoError as error:
+        refuse("robot", str(error))
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe

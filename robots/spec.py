@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 LEG_JOINTS = ("hip", "thigh", "calf")
 
+GO2_LEG_LENGTH, GO2_THIGH_OFFSET = 0.426, 0.0955
+"""Thigh and calf together, and the thigh joint's distance from the hip joint, of the Go2 [m]."""
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -117,6 +120,33 @@ class RobotSpec:
     """Radians of joint offset for an action of 1 (appendix, hyperparameter table)."""
     sdk_motor_order: tuple[str, ...]
     """Joint names in the order of the manufacturer's motor interface."""
+    defined_in: str = ""
+    """Where a robot from outside the package is defined, such as ``/home/me/my_robot.py:SPEC``; set on loading."""
+
+    @property
+    def reference(self) -> str:
+        """By which clips, policies and datasets name the robot: its name, or where it is defined."""
+        return self.defined_in or self.name
+
+    @property
+    def size(self) -> float:
+        """Length of a leg over that of the Go2, for which sources state their scale."""
+        return (self.legs[0].thigh_length + self.legs[0].calf_length) / GO2_LEG_LENGTH
+
+    @property
+    def width(self) -> float:
+        """Distance of the thighs from the hips over that of the Go2, for which sources move feet outwards."""
+        return abs(self.legs[0].thigh_offset[1]) / GO2_THIGH_OFFSET
+
+    @cached_property
+    def leg_links(self) -> tuple[str, ...]:
+        """Names of the links that the joints move, in the order of ``joint_names``."""
+        moved = {
+            joint.attrib["name"]: child.attrib["link"]
+            for joint in ElementTree.parse(self.urdf).iter("joint")
+            if (child := joint.find("child")) is not None
+        }
+        return tuple(moved[name] for name in self.joint_names)
 
     @cached_property
     def link_names(self) -> tuple[str, ...]:

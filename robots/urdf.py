@@ -1,5 +1,6 @@
 """Reading a URDF: geometry and limits by name, and the tree of moving links that simulators need."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.robots.spec import Leg
+from kine2go_warp.robots.spec import LEG_JOINTS, Leg
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -44,14 +45,20 @@ class UrdfReader:
         """Return one attribute of the limits (``lower``, ``upper``, ``effort``, ``velocity``) for several joints."""
         return tuple(float(self.find(f"joint[@name='{joint}']/limit").attrib[field]) for joint in joints)
 
-    def leg(self, name: str) -> Leg:
-        """Return the geometry of one leg."""
+    def leg(self, name: str, joints: Sequence[str] = ()) -> Leg:
+        """Return the geometry of one leg.
+
+        Args:
+            name: ``FL``, ``FR``, ``RL`` or ``RR``.
+            joints: Names of its hip, thigh, calf and foot joints; by default ``FL_hip_joint`` and so on.
+        """
+        hip, thigh, calf, foot = joints or [f"{name}_{part}_joint" for part in (*LEG_JOINTS, "foot")]
         return Leg(
             name=name,
-            hip_offset=self.joint_offset(f"{name}_hip_joint"),
-            thigh_offset=self.joint_offset(f"{name}_thigh_joint"),
-            thigh_length=-self.joint_offset(f"{name}_calf_joint")[2],
-            calf_length=-self.joint_offset(f"{name}_foot_joint")[2],
+            hip_offset=self.joint_offset(hip),
+            thigh_offset=self.joint_offset(thigh),
+            thigh_length=-self.joint_offset(calf)[2],
+            calf_length=-self.joint_offset(foot)[2],
         )
 
     def collision(self, link: str, shape: str, attribute: str) -> float:

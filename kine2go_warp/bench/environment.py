@@ -14,7 +14,6 @@ from kine2go_warp.env.mujoco_engine import position_driven_model
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.robots import GO2
 from kine2go_warp.robots.compiled import mujoco
 
 OUTPUT_NOISE = 0.4
@@ -127,7 +126,7 @@ class NativeRunner:
 
     def __init__(self, environment: ImitationEnvironment, steps: int) -> None:
         config = environment.config
-        self.model = position_driven_model(GO2, config)
+        self.model = position_driven_model(environment.spec, config)
         self.data = mujoco.MjData(self.model)
         joint_q = environment.robot.joint_q.numpy()[:NATIVE_WORLDS]
         states = []

@@ -11,7 +11,6 @@ from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import GatherResult, gather
 
@@ -37,7 +36,7 @@ def bench_gathering(clip: MotionClip, device: str, repeats: int, num_worlds: int
         for seed in range(repeats):
             config = GatherConfig(trajectories=num_worlds, rows=rows, seed=seed, max_attempts=1.0, **limits)
             store = Path(folder) / f"{seed}.zarr"
-            results.append(gather(policy, DatasetWriter(store, GO2), config, device))
+            results.append(gather(policy, DatasetWriter(store, clip.spec), config, device))
             size = sum(path.stat().st_size for path in store.rglob("*") if path.is_file())
     accepted = max(results[-1].accepted, 1)
     measurements = (

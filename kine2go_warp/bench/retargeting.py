@@ -8,18 +8,18 @@ from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
-from kine2go_warp.robots import GO2
+from kine2go_warp.robots import robot_named
 
 
-def bench_retargeting(entries: Sequence[CatalogueEntry], folder: Path | None, repeats: int) -> BenchReport:
+def bench_retargeting(entries: Sequence[CatalogueEntry], folder: Path | None, repeats: int, robot: str) -> BenchReport:
     """Retarget motions in both modes on one core, reading included."""
-    measurements, frames = [], 0
+    spec, measurements, frames = robot_named(robot), [], 0
     for mode in ("plain", "contact"):
-        solver, config = InverseKinematics(GO2), RetargetConfig(mode=mode)
+        solver, config = InverseKinematics(spec), RetargetConfig(mode=mode)
         frames = retarget_all(entries, folder, solver, config)
         durations = [timed(lambda: retarget_all(entries, folder, solver, config)) for _ in range(repeats)]  # noqa: B023
         measurements.append(Measurement(mode, "frames/s", tuple(frames / duration for duration in durations)))
-    settings = {"motions": len(entries), "frames": frames, "repeats": repeats}
+    settings = {"robot": robot, "motions": len(entries), "frames": frames, "repeats": repeats}
     return BenchReport("retarget", "cpu", settings, tuple(measurements))
 
 

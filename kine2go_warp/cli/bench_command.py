@@ -9,6 +9,7 @@ import tyro
 
 from kine2go_warp.cli.data import data_folder
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -40,6 +41,8 @@ class Bench:
     """Rows of a rollout of gather."""
     dataset: Path | None = None
     """Dataset to load."""
+    robot: str = DEFAULT_ROBOT
+    """Name of the robot, or FILE.py:NAME for one of your own."""
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False
@@ -71,7 +74,7 @@ class Bench:
 
             folder = data_folder(self.data)
             entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
-            return bench_retargeting(entries, folder, self.repeats)
+            return bench_retargeting(entries, folder, self.repeats, self.robot)
 
         if stage == "load":
             from kine2go_warp.bench.loading import bench_loading
@@ -89,14 +92,16 @@ class Bench:
         from kine2go_warp.motions.config import RetargetConfig
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
         from kine2go_warp.motions.retarget import retarget
-        from kine2go_warp.robots import GO2
+        from kine2go_warp.robots import robot_named
 
         limit_threads()
         device = choose_device(self.device)
         num_worlds = self.num_worlds or (512 if device == "cpu" else 8192)
         preset = find_preset(self.preset)
         preset = replace(preset, env=replace(preset.env, num_worlds=num_worlds))
-        clip = retarget(motion_named("dog_trot"), None, InverseKinematics(GO2), RetargetConfig()).clip
+        clip = retarget(
+            motion_named("dog_trot"), None, InverseKinematics(robot_named(self.robot)), RetargetConfig()
+        ).clip
         if stage == "env":
             return bench_environment(clip, preset.env, device, self.repeats, self.steps, self.processes)
         if stage == "gather":

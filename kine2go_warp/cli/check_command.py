@@ -42,16 +42,15 @@ class Check:
 
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checks.run import check_dataset
-        from kine2go_warp.robots import GO2
         from kine2go_warp.scores.report import robot_note
 
-        errors = Console(stderr=True)
+        dataset, errors = open_dataset(self.dataset), Console(stderr=True)
         with Progress(*Progress.get_default_columns(), TextColumn("{task.fields[motion]}"), console=errors,
                       transient=True, disable=not errors.is_terminal) as progress:  # fmt: skip
             task = progress.add_task("checking", motion="", total=None)
             report = check_dataset(
                 self.dataset,
-                GO2,
+                dataset.robot,
                 self.motions,
                 lambda name, number, total: progress.update(task, completed=number - 1, total=total, motion=name),
             )
@@ -59,7 +58,7 @@ class Check:
             print(json.dumps(report.to_json(), indent=2, allow_nan=False))
         else:
             print_report(report)
-            if note := robot_note(open_dataset(self.dataset), GO2):
+            if note := robot_note(dataset, dataset.robot):
                 errors.print(f"remark: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0 if report.is_clean else FOUND
 

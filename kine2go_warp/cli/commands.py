@@ -39,7 +39,6 @@ class Gather:
         from kine2go_warp.dataset.summary import summarise
         from kine2go_warp.dataset.writer import DatasetWriter
         from kine2go_warp.learning.policy import PolicyFolder
-        from kine2go_warp.robots import GO2
         from kine2go_warp.rollouts.gather import gather
 
         policy = PolicyFolder(self.policy)
@@ -49,7 +48,7 @@ class Gather:
         with Progress() as progress:
             for motion in motions:
                 progress.stage(motion, "gather")
-                writer = DatasetWriter(self.out, GO2)
+                writer = DatasetWriter(self.out, policy.robot)
                 results.append(gather(policy, writer, self.config, self.device, progress.advanced, self.strict, motion))
         print_summaries(summarise(self.out, motions), self.out)
         for result in results:

@@ -10,6 +10,7 @@ import tyro
 from kine2go_warp.cli.data import MotionNames, data_folder
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from kine2go_warp.motions.catalogue import CatalogueEntry
@@ -34,12 +35,14 @@ def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]
 
 @dataclass(frozen=True)
 class Retarget:
-    """Retarget motions of the catalogue to the Go2, save them as clips and report on their quality."""
+    """Retarget motions of the catalogue to a robot, save them as clips and report on their quality."""
 
     motions: MotionNames
     """Names of catalogue entries, such as dog_trot."""
     all: bool = False
     """Every motion of the catalogue whose file is there."""
+    robot: str = DEFAULT_ROBOT
+    """Name of the robot, or FILE.py:NAME for one of your own."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
     out: Path = Path("runs/clips")
@@ -60,12 +63,13 @@ class Retarget:
         from kine2go_warp.motions.quality import assess, clip_remarks
         from kine2go_warp.motions.report import draw_sheet, markdown_table, write_json
         from kine2go_warp.motions.retarget import retarget
-        from kine2go_warp.robots import GO2
+        from kine2go_warp.robots import robot_named
 
+        spec = robot_named(self.robot)
         folder = data_folder(self.data)
         entries = chosen_entries(self.motions, self.all)
         missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
-        solver = InverseKinematics(GO2)
+        solver = InverseKinematics(spec)
         present = [entry for entry in entries if entry not in missing]
         output = console()
         qualities, failures = [], []
@@ -77,8 +81,8 @@ class Retarget:
                 continue
             result.clip.save(self.out / f"{entry.name}.npz")
             if self.sheets:
-                draw_sheet(result.clip, GO2, self.out / f"{entry.name}.png")
-            qualities.append(assess(result, GO2))
+                draw_sheet(result.clip, spec, self.out / f"{entry.name}.png")
+            qualities.append(assess(result, spec))
         if not qualities and failures:
             raise Kine2GoError("; ".join(failures))
         remarks = {quality.name: clip_remarks(quality) for quality in qualities}
@@ -113,6 +117,8 @@ class Cycles:
     """Least way that the robot must go in a cycle [m], to leave out standing still."""
     count: int = 10
     """How many to list."""
+    robot: str = DEFAULT_ROBOT
+    """The robot that must go so far: its name, or FILE.py:NAME for one of your own."""
 
     def run(self) -> int:
         """Search and print a table."""
@@ -120,7 +126,7 @@ class Cycles:
         from kine2go_warp.motions.cycle_search import find_cycles
         from kine2go_warp.motions.sources import source_named
         from kine2go_warp.motions.targets import pose_targets
-        from kine2go_warp.robots import GO2
+        from kine2go_warp.robots import robot_named
 
         if not 0.0 < self.shortest <= self.longest or self.count < 1:
             raise Kine2GoError("choose 0 < shortest <= longest and a count of at least 1")
@@ -132,7 +138,7 @@ class Cycles:
             raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
         for remark in motion.remarks:
             print(f"{self.file}: {remark}", file=sys.stderr)
-        targets = pose_targets(motion, source, GO2)
+        targets = pose_targets(motion, source, robot_named(self.robot))
         frames = round(self.shortest * motion.rate), round(self.longest * motion.rate)
         found = find_cycles(targets, max(frames[0], 3), frames[1], self.count, self.travel)
         if not found:

@@ -42,7 +42,6 @@ class Score:
 
         from kine2go_warp.cli.tables import console
         from kine2go_warp.dataset import open_dataset
-        from kine2go_warp.robots import GO2
         from kine2go_warp.scores.plots import curves_of, draw
         from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
@@ -53,7 +52,7 @@ class Score:
         measured, curves = [], []
         for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
             data = dataset.load(name)
-            measured.append(measure(data, GO2))
+            measured.append(measure(data, dataset.robot))
             if self.plots is not None:
                 curves.append(curves_of(data))
         scores = score(measured)
@@ -63,7 +62,7 @@ class Score:
             for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
-        for note in (review_note(dataset, self.motions), robot_note(dataset, GO2)):
+        for note in (review_note(dataset, self.motions), robot_note(dataset, dataset.robot)):
             if note:
                 output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0

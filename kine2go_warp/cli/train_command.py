@@ -80,7 +80,7 @@ class Train:
         from kine2go_warp.cli.watching import watching
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.learning.train import train
-        from kine2go_warp.motions.clip import MotionClip
+        from kine2go_warp.motions.clip import MotionClip, robot_of
 
         settings = self.settings()
         if self.print_config:
@@ -93,7 +93,7 @@ class Train:
         name = "+".join(clip.name for clip in clips)
         folder = self.out or Path("runs/policies") / name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
-        watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
+        watch = watching(name, robot_of(clips), self.rerun, self.rerun_web, self.rerun_save)
         with StopRequest(message) as stop, watch as observer, Progress() as progress:
             progress.stage(name, "train")
             record = train(

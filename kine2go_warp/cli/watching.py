@@ -11,14 +11,18 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from kine2go_warp.recordings.training import TrainingRecording
+    from kine2go_warp.robots import RobotSpec
 
 
 @contextmanager
-def watching(name: str, window: bool, web: bool, save: Path | None) -> "Iterator[TrainingRecording | None]":
+def watching(
+    name: str, spec: "RobotSpec", window: bool, web: bool, save: Path | None
+) -> "Iterator[TrainingRecording | None]":
     """Yield who watches a training, None if nobody does. Say afterwards if watching ended before it.
 
     Args:
         name: Of the training.
+        spec: The robot.
         window: Open a window.
         web: Serve a page to browsers.
         save: Write a file.
@@ -46,7 +50,7 @@ def watching(name: str, window: bool, web: bool, save: Path | None) -> "Iterator
         sink = ViewerSink(server.source)
     else:
         sink = ViewerSink(open_waiting())
-    recording = TrainingRecording(name, sink)
+    recording = TrainingRecording(name, spec, sink)
     try:
         with recording:
             yield recording

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.motion import Motion, MotionData, Trajectory, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion, rejected_trajectories, validation_indices
-from kine2go_warp.dataset.store import motion_names
+from kine2go_warp.dataset.store import motion_names, robot_in
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.robots import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,15 @@ class Dataset:
     def rate(self) -> float:
         """Rows a second [Hz]."""
         return float(self.attributes["control_frequency"])
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot.
+
+        Raises:
+            Kine2GoError: the robot is not available here.
+        """
+        return robot_in(self.attributes, self.path)
 
     @cached_property
     def references(self) -> tuple[TrajectoryReference, ...]:

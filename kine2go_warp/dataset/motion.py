@@ -11,8 +11,10 @@ import zarr
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
+from kine2go_warp.dataset.store import robot_in
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.robots import RobotSpec
 
 REJECTED_GROUP = "rejected"
 """Sub-group of a motion with rollouts that were not accepted; it is not part of the motion's own arrays."""
@@ -108,6 +110,15 @@ class Motion:
             self.arrays = {spec.name: spec for spec in _specs(self._group)}
         except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
             raise DatasetError(f"{path}/{name}: cannot be read ({error.__class__.__name__})") from None
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot.
+
+        Raises:
+            Kine2GoError: the robot is not available here.
+        """
+        return robot_in(dict(zarr.open_group(self.path, mode="r").attrs), self.path)
 
     @cached_property
     def row_arrays(self) -> dict[str, ArraySpec]:

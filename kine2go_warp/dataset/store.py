@@ -1,11 +1,14 @@
 """What lies at a path: whether it is a dataset that this version reads, and which motions it holds."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import zarr
 
 from kine2go_warp.dataset.schema import FORMAT_VERSION
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 
 
 def motion_names(path: Path) -> list[str]:
@@ -44,6 +47,15 @@ def check_version(path: Path) -> None:
             f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
             f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
         )
+
+
+def robot_in(attributes: Mapping[str, Any], path: Path) -> RobotSpec:
+    """Return the robot that a dataset's root names.
+
+    Raises:
+        Kine2GoError: the robot is not available here.
+    """
+    return stored_robot(str(attributes.get("robot_reference", attributes.get("robot", DEFAULT_ROBOT))), str(path))
 
 
 def _absence(path: Path) -> str:

@@ -168,7 +168,8 @@ class DatasetWriter:
             return
         known = zarr.open_group(self.path, mode="r", use_consolidated=False).attrs
         robot = robot_attributes(self.spec)
-        shared = {name: robot[name] for name in ("robot_model_sha256", "action_scale", "default_joint_position")}
+        names = ("robot", "robot_model_sha256", "action_scale", "default_joint_position")
+        shared = {name: robot[name] for name in names}
         for name, value in {**shared, **asdict(simulation)}.items():
             if known.get(name) != value:
                 raise DatasetError(
@@ -334,6 +335,7 @@ def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
         "software_revision": revision(),
         "conventions": FRAMES_NOTE,
         "robot": spec.name,
+        **({"robot_reference": spec.reference} if spec.defined_in else {}),
         "robot_model_sha256": spec.model_hash,
         "joint_names": list(spec.joint_names),
         "foot_names": list(spec.foot_links),

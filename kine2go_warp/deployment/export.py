@@ -42,7 +42,7 @@ from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.revision import revision
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots import RobotSpec
 
 TOLERANCE = 1e-5
 """Largest difference of an output that an export may have."""
@@ -58,14 +58,13 @@ def default_folder(policy: PolicyFolder) -> Path:
     return policy.path / "export"
 
 
-def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False, spec: RobotSpec = GO2) -> PolicyMetadata:
+def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False) -> PolicyMetadata:
     """Export the newest checkpoint of a policy to ONNX and TorchScript, with metadata and clips.
 
     Args:
         policy: A trained policy.
         out: Folder to create.
         overwrite: Replace an older export at ``out``.
-        spec: The robot.
 
     Raises:
         PolicyError: the policy cannot be read, ``out`` may not be replaced, or the exported models disagree with the
@@ -79,7 +78,7 @@ def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False, spec
         write_onnx(actor, observations.shape[1], staging / ONNX_FILE)
         script = scripted(actor)
         parity = check_parity(actor, staging / ONNX_FILE, script, observations)
-        metadata = describe(policy, record, clips, parity, spec)
+        metadata = describe(policy, record, clips, parity, policy.robot)
         text = metadata.to_json()
         add_metadata(staging / ONNX_FILE, text)
         with quiet_exporter():

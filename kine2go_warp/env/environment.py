@@ -1,4 +1,4 @@
-"""Many worlds in which a Go2 tracks reference clips, stepped by one captured graph."""
+"""Many worlds in which a robot tracks reference clips, stepped by one captured graph."""
 
 import gc
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ from kine2go_warp.kernels.resets import ResetRanges
 from kine2go_warp.kernels.rewards import sum_rewards
 from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.kernels.world import WorldView
-from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.motions.clip import MotionClip, robot_of
+from kine2go_warp.robots import RobotSpec
 
 
 class ImitationEnvironment:
@@ -43,23 +43,24 @@ class ImitationEnvironment:
         clips: Sequence[MotionClip],
         config: EnvConfig,
         device: str | None = None,
-        spec: RobotSpec = GO2,
+        spec: RobotSpec | None = None,
         use_graph: bool = True,
         first_world: int = 0,
     ) -> None:
         """Build the model, reset all worlds and capture the step.
 
         Args:
-            clips: Reference clips; each episode draws one.
+            clips: Reference clips, all for one robot; each episode draws one.
             config: Settings.
             device: Warp device name, by default CUDA where there is one.
-            spec: The robot.
+            spec: The robot; by default that of the clips.
             use_graph: Capture the step as one graph. Without it every kernel is launched from Python.
             first_world: Number of the first world: several environments may share the worlds of a larger one.
         """
         self.device = wp.get_device(device)
         self.config = config = config.on(str(self.device))
-        self.spec, self.clips = spec, tuple(clips)
+        self.clips = tuple(clips)
+        self.spec = spec = robot_of(self.clips) if spec is None else spec
         with wp.ScopedDevice(self.device):
             ground = build_height_field(config.terrain, reach_of(clips, config))
             self.constants = SpecArrays.upload(spec, self.device)

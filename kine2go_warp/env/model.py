@@ -133,7 +133,7 @@ def geom_roles(model: newton.Model, solver: newton.solvers.SolverMuJoCo, spec: R
     """
     shapes = host_copy(solver.mjc_geom_to_newton_shape)[0]
     bodies, kinds = host_copy(model.shape_body), host_copy(model.shape_type)
-    calves = {f"{leg.name}_calf": index for index, leg in enumerate(spec.legs)}
+    calves = {link: index for index, link in enumerate(spec.leg_links[2::3])}
     roles = np.full(len(shapes), int(ROLE_IGNORED), dtype=np.int32)
     for geom, shape in enumerate(shapes):
         if shape < 0 or bodies[shape] < 0:

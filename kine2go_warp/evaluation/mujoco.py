@@ -16,7 +16,8 @@ from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.kernels.terminations import REASON_NAMES
-from kine2go_warp.robots import GO2, MotorLimits, RobotSpec
+from kine2go_warp.motions.clip import robot_of
+from kine2go_warp.robots import MotorLimits
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.rollout import InitialStates, RecordedRollouts, Rows
 
@@ -37,14 +38,13 @@ class Track:
 class MujocoRollouts:
     """Lets an exported policy drive one robot after the other in plain MuJoCo."""
 
-    def __init__(self, policy: ExportedPolicy, trained: EnvConfig, config: EvalConfig, spec: RobotSpec = GO2) -> None:
+    def __init__(self, policy: ExportedPolicy, trained: EnvConfig, config: EvalConfig) -> None:
         """Compile the model from URDF and specification.
 
         Args:
             policy: The policy; gains, torque limits, joint friction, rates and latency are those of its metadata.
             trained: Settings of the training, for ground friction and the options of the solver.
             config: Settings of the evaluation.
-            spec: The robot.
 
         Raises:
             PolicyError: the policy was trained on ground that is not flat.
@@ -54,7 +54,7 @@ class MujocoRollouts:
                 f"plain MuJoCo has flat ground only, and this policy was trained on {trained.terrain.kind}"
             )
         metadata = policy.metadata
-        self.policy, self.config, self.spec = policy, config, spec
+        self.policy, self.config, self.spec = policy, config, robot_of(policy.clips)
         self.num_rows = config.rows(metadata.control_rate)
         motors = MotorState(
             stiffness=np.full(12, metadata.stiffness),
@@ -65,7 +65,7 @@ class MujocoRollouts:
             limits=metadata.motor_limits or MotorLimits.constant(metadata.torque_limit),
             friction=np.array(metadata.joint_friction or (0.0,) * 12),
         )
-        self.robot = MujocoRobot(trained, spec, motors)
+        self.robot = MujocoRobot(trained, self.spec, motors)
 
     def run(
         self, clip: int, initial: InitialStates, on_rollout: Callable[[int], None] | None = None

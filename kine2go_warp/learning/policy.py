@@ -12,6 +12,7 @@ from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 FORMAT_VERSION = 2
@@ -35,6 +36,8 @@ class PolicyRecord:
     """How often training began again because it had diverged; each time learns more slowly."""
     restart_reason: str = ""
     """What was seen when it diverged."""
+    robot: str = DEFAULT_ROBOT
+    """Reference of the robot; see ``robots.robot_named``."""
 
     @property
     def complete(self) -> bool:
@@ -71,6 +74,7 @@ class PolicyFolder:
         values: dict[str, Any] = {
             "format_version": FORMAT_VERSION,
             "software_version": __version__,
+            "robot": record.robot,
             "clips": list(record.clips),
             "fingerprint": record.fingerprint,
             "iterations": record.iterations,
@@ -99,6 +103,7 @@ class PolicyFolder:
                 )
             return PolicyRecord(
                 preset=from_dictionary(Preset, values["preset"], str(self.record_file), PolicyError),
+                robot=values.get("robot", DEFAULT_ROBOT),
                 clips=tuple(values["clips"]),
                 fingerprint=values["fingerprint"],
                 iterations=values["iterations"],
@@ -119,8 +124,30 @@ class PolicyFolder:
         return names
 
     def read_clips(self, record: PolicyRecord) -> tuple[MotionClip, ...]:
-        """Read the clips that the policy tracks."""
-        return tuple(MotionClip.load(self.path / name) for name in record.clips)
+        """Read the clips that the policy tracks.
+
+        Raises:
+            ClipError: one cannot be read.
+            PolicyError: one is for another robot than the policy.
+        """
+        clips = tuple(MotionClip.load(self.path / name) for name in record.clips)
+        for clip in clips:
+            if clip.robot != record.robot:
+                raise PolicyError(
+                    f"{self.path}: the clip {clip.name} is for the robot {clip.robot}, and the policy for {record.robot}; "
+                    "retarget the motion to the policy's robot"
+                )
+        return clips
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot that the policy drives.
+
+        Raises:
+            PolicyError: the policy cannot be read.
+            Kine2GoError: the robot is not available here.
+        """
+        return stored_robot(self.read_record().robot, str(self.path))
 
     def checkpoint(self, iteration: int) -> Path:
         """Return where the checkpoint of an iteration (from 0) lies."""

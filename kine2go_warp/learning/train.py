@@ -14,7 +14,8 @@ from kine2go_warp.errors import PolicyError, TrainingDiverged
 from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
-from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.clip import MotionClip, robot_of
+from kine2go_warp.robots import DEFAULT_ROBOT
 from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
@@ -26,7 +27,12 @@ def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
     """Return a hash of everything that decides which policy training ends with, but for its length."""
     settings = to_dictionary(preset)
     del settings["preset"], settings["ppo"]["iterations"]
-    return content_hash([clip.content_hash() for clip in clips], settings)
+    parts = [[clip.content_hash() for clip in clips], settings]
+    if clips[0].robot != DEFAULT_ROBOT:
+        # Policies of the Go2 may be older than the choice of a robot.
+        spec = robot_of(clips)
+        parts.append([spec.model_hash, *spec.default_joint_position])
+    return content_hash(*parts)
 
 
 def train(
@@ -65,12 +71,14 @@ def train(
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given, or two clips have the same name.
+        ClipError: the clips are for different robots.
         TrainingDiverged: it diverged again after the restart.
         TrainingInterrupted: ``should_stop`` said so; the same call continues.
     """
     names = sorted(clip.name for clip in clips)
     if len(set(names)) < len(names):
         raise PolicyError(f"each clip needs a name of its own, but they are: {', '.join(names)}")
+    robot = robot_of(clips).reference
     device = choose_device(device)
     preset = preset.on(device)
     choose_processes(processes, preset.env.num_worlds, device)
@@ -81,14 +89,13 @@ def train(
         record = replace(known, preset=preset)
     else:
         if policy.exists and not overwrite:
-            raise PolicyError(
-                f"{folder}: holds a policy of other clips or settings; choose another folder or pass --overwrite"
-            )
+            of = "clips or settings" if known is None or known.robot == robot else f"robot, {known.robot}, not {robot}"
+            raise PolicyError(f"{folder}: holds a policy of other {of}; choose another folder or pass --overwrite")
         if policy.exists or policy.checkpoints():
             # Hours of training are not for deleting.
             moved_aside(folder, known.fingerprint if known is not None else "unreadable")
         folder.mkdir(parents=True, exist_ok=True)
-        known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0)
+        known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0, robot=robot)
     remove_leftovers(folder)
     start = resume_point(policy, preset.ppo.iterations, on_note)
     if known is not None and start is not None and known.iterations == start.iterations >= preset.ppo.iterations:

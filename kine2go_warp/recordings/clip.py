@@ -13,7 +13,7 @@ from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.shapes import Poses, poses_of
 from kine2go_warp.recordings.stream import LEG_COLOURS, THIN, Colour, Columns, recording_file
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
 
 CYCLES = 3
@@ -26,14 +26,12 @@ ASIDE = (0.0, -0.5, 0.0)
 EYE = (0.2, -1.7, 0.6)
 
 
-def record_clip(
-    clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Meshes | None = None, spec: RobotSpec = GO2
-) -> None:
+def record_clip(clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Meshes | None = None) -> None:
     """Write a recording of a clip: the robot over some cycles, where its feet go and stand, and the seams.
 
     The seam is where one cycle ends and the next begins: marks on the root's path and on the curves.
     """
-    num_rows = cycles * clip.num_frames
+    spec, num_rows = clip.spec, cycles * clip.num_frames
     motion = clip.extended(0, num_rows - clip.num_frames)
     assert motion.joints is not None
     poses = poses_of(spec, motion.root_position, motion.root_orientation, motion.joints)

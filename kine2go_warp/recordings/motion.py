@@ -15,7 +15,6 @@ from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.stream import recording_file
 from kine2go_warp.recordings.summary import motion_text
 from kine2go_warp.recordings.trajectory import log_trajectory
-from kine2go_warp.robots import GO2, RobotSpec
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Style:
     """Drawn instead of primitive shapes."""
 
 
-def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: RobotSpec = GO2) -> int:
+def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:
     """Write a recording of a motion and return how many trajectories it shows.
 
     Raises:
@@ -38,6 +37,7 @@ def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: Robo
     if not shown:
         raise DatasetError(f"motion '{motion.name}' holds no trajectory to record")
     verdicts = {index: verdict_text(one) for index, one in standing_verdicts(motion).items()}
+    spec = motion.robot
     drawer = RobotDrawer(spec, style.meshes)
     doubts = [doubt for _, doubt in shown]
     with recording_file(motion.name, motion.attributes.get("fingerprint", ""), path) as recording:

@@ -28,7 +28,7 @@ class Motors:
     def of(cls, spec: RobotSpec) -> "Motors":
         """Read the shapes of a robot."""
         reader = UrdfReader(spec.urdf)
-        visuals = [f"link[@name='{leg.name}_hip']/visual" for leg in spec.legs]
+        visuals = [f"link[@name='{hip}']/visual" for hip in spec.leg_links[::3]]
         cylinder = reader.find(f"{visuals[0]}/geometry/cylinder").attrib
         centres = [[float(part) for part in reader.find(f"{one}/origin").attrib["xyz"].split()] for one in visuals]
         return cls(float(cylinder["radius"]), float(cylinder["length"]), np.array(centres))

@@ -19,7 +19,7 @@ from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.shapes import Poses, poses_of
 from kine2go_warp.recordings.stream import ITERATION, TIMELINE, Colour, Columns
 from kine2go_warp.recordings.trajectory import ERROR_COLOURS, TERM_COLOURS
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots import RobotSpec
 
 PACE = 1.0
 """How often what was seen is drawn [s]."""
@@ -63,13 +63,13 @@ class TrainingRecording:
     ``problem`` says why.
     """
 
-    def __init__(self, name: str, sink: Sink, spec: RobotSpec = GO2) -> None:
+    def __init__(self, name: str, spec: RobotSpec, sink: Sink) -> None:
         """Begin a recording.
 
         Args:
             name: Shown in the viewer.
-            sink: Where it goes.
             spec: The robot.
+            sink: Where it goes.
         """
         rr.set_strict_mode(True)
         self.recording = rr.RecordingStream(f"kine2go training {name}")

@@ -18,9 +18,10 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.errors import RenderError
+from kine2go_warp.errors import Kine2GoError, RenderError
 from kine2go_warp.renders import HELP
 from kine2go_warp.renders.camera import Pose, View
+from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 
 Picture = NDArray[np.uint8]
 
@@ -61,8 +62,8 @@ def drawing_library() -> str:
 class RenderProcess:
     """Draws pictures of one size. Use it as a context manager."""
 
-    def __init__(self, width: int, height: int) -> None:
-        """Start the process; sizes in pixels.
+    def __init__(self, width: int, height: int, robot: str = DEFAULT_ROBOT) -> None:
+        """Start the process; sizes in pixels, ``robot`` as in ``robots.robot_named``.
 
         Raises:
             RenderError: this machine cannot draw.
@@ -70,7 +71,7 @@ class RenderProcess:
         library = drawing_library()
         # In a session of its own, so that Ctrl-C reaches this process only, which then ends the other one.
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, str(width), str(height)],
+            [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, str(width), str(height), robot],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -124,24 +125,23 @@ class RenderProcess:
             ) from None
 
 
-def serve(library: str, width: int, height: int, requests: BinaryIO, answers: BinaryIO) -> None:
+def serve(library: str, width: int, height: int, robot: str, requests: BinaryIO, answers: BinaryIO) -> None:
     """Answer with None or an error message, then every request with a picture, until the requests end."""
     from kine2go_warp.renders.renderer import OffscreenRenderer
     from kine2go_warp.renders.scene import Scene
-    from kine2go_warp.robots import GO2
 
     def answer(value: object) -> None:
         pickle.dump(value, answers)
         answers.flush()
 
     try:
-        with OffscreenRenderer(Scene(GO2), width, height, library) as renderer:
+        with OffscreenRenderer(Scene(robot_named(robot)), width, height, library) as renderer:
             answer(None)
             while True:
                 request: RenderRequest = pickle.load(requests)
                 renderer.scene.place(request.robot, request.reference)
                 answer(renderer.draw(request.view, request.show_reference, request.show_floor))
-    except RenderError as error:
+    except Kine2GoError as error:
         answer(str(error))
     except EOFError:
         return
@@ -153,4 +153,4 @@ if __name__ == "__main__":
     # Drivers may print; what they say must not get among the pictures.
     picture_pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    serve(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.stdin.buffer, picture_pipe)
+    serve(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4], sys.stdin.buffer, picture_pipe)

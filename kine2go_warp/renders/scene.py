@@ -82,7 +82,8 @@ def _robot(spec: RobotSpec, group: int) -> Any:
     """Return the robot without what is only there to collide."""
     robot = mujoco.MjSpec.from_string(spec.urdf.read_text().replace("</robot>", _WITH_VISUALS))
     for shape in list(robot.geoms):
-        if not shape.name.endswith("_visual"):
+        # What is only there to be seen touches nothing.
+        if shape.contype:
             robot.delete(shape)
             continue
         shape.group = group

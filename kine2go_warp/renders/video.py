@@ -73,6 +73,8 @@ class RenderedTrajectory:
     camera: FollowCamera
     level: bool
     """Whether the ground is level at height zero; other ground is not drawn."""
+    robot: str
+    """Reference of the robot; see ``robots.robot_named``."""
 
     def row_at(self, time: float) -> int:
         """Return the latest row that is not after an instant [s]; after the end it is the last."""
@@ -112,8 +114,9 @@ def read_trajectories(motion: Motion, indices: Sequence[int]) -> list[RenderedTr
         time = motion.time[: one.length]
         rate = 1.0 / float(time[1] - time[0]) if len(time) > 1 else 60.0
         camera = FollowCamera.of(one.arrays["root_position"], one.arrays["root_orientation"], rate)
+        level, robot = is_level(motion.attributes), motion.robot.reference
         trajectories[one.index] = RenderedTrajectory(
-            motion.name, one.index, one.arrays, time - time[0], camera, is_level(motion.attributes)
+            motion.name, one.index, one.arrays, time - time[0], camera, level, robot
         )
     return [trajectories[index] for index in indices]
 
@@ -226,7 +229,7 @@ def video_pictures(
 ) -> Generator[Picture, None, None]:
     """Draw the pictures of a video, each of shape [height, width, 3]."""
     columns, width, height = tile_sizes(len(trajectories), config)
-    with RenderProcess(width, height) as renderer:
+    with RenderProcess(width, height, trajectories[0].robot) as renderer:
         for instant in instants:
             picture = np.full((config.height, config.width, 3), 235, np.uint8)
             for place, trajectory in enumerate(trajectories):

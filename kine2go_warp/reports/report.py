@@ -16,7 +16,6 @@ from kine2go_warp.reports import tables
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
 from kine2go_warp.revision import revision
-from kine2go_warp.robots import GO2
 from kine2go_warp.scores.plots import curves_of
 from kine2go_warp.scores.report import MotionFigures, measure, review_note, robot_note, score, scored_motions
 from kine2go_warp.tables import number_text
@@ -101,7 +100,9 @@ def write_report(
     check_output(path, overwrite)
     parts = []
     with ExitStack() as stack:
-        renderer, note = open_renderer(stack) if pictures else (None, "Pictures were not asked for.")
+        renderer, note = (
+            open_renderer(stack, opened.robot.reference) if pictures else (None, "Pictures were not asked for.")
+        )
         for number, name in enumerate(names):
             if advanced is not None:
                 advanced(number, len(names), name)
@@ -111,10 +112,10 @@ def write_report(
     return parts
 
 
-def open_renderer(stack: ExitStack) -> tuple[RenderProcess | None, str]:
+def open_renderer(stack: ExitStack, robot: str) -> tuple[RenderProcess | None, str]:
     """Return what draws thumbnails, or why there is nothing that could."""
     try:
-        return stack.enter_context(RenderProcess(WIDTH, HEIGHT)), ""
+        return stack.enter_context(RenderProcess(WIDTH, HEIGHT, robot)), ""
     except RenderError as error:
         return None, f"No pictures: {error}."
 
@@ -128,7 +129,7 @@ def motion_part(dataset: Dataset, name: str, key: str, renderer: RenderProcess |
     """
     check_content(dataset, name)
     data = dataset.load(name)
-    figures, curves = measure(data, GO2), curves_of(data)
+    figures, curves = measure(data, dataset.robot), curves_of(data)
     shown: tuple[Strip, ...] = ()
     if renderer is not None:
         shown = strips(renderer, dataset.motion(name), figures.figures["joint_rmse"], data.indices)
@@ -179,7 +180,7 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
         different=different,
         facts=tables.facts(dataset.attributes, DATASET_FACTS),
         tiles=tiles(parts, scores.overall["acceptance"].value),
-        robot_note=robot_note(dataset, GO2),
+        robot_note=robot_note(dataset, dataset.robot),
         review_note=review,
         note=next((part.note for part in parts if part.note), ""),
         most_paths=MOST_PATHS,

@@ -14,7 +14,7 @@ from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terrain import build_height_field
 from kine2go_warp.kernels.recording import record_root
 from kine2go_warp.kernels.resets import advance_counters
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots import RobotSpec
 
 InitialState = dict[str, NDArray]
 """Arrays of ``INITIAL_STATE_ARRAYS``, the first axis of each being the trajectory."""
@@ -24,16 +24,16 @@ class OpenLoop:
     """Simulation and motors of some rollouts."""
 
     def __init__(
-        self, config: EnvConfig, ground_reach: float, initial: InitialState, device: str, spec: RobotSpec = GO2
+        self, spec: RobotSpec, config: EnvConfig, ground_reach: float, initial: InitialState, device: str
     ) -> None:
         """Put the robots where the rollouts begin.
 
         Args:
+            spec: The robot.
             config: The environment that the rollouts were gathered in.
             ground_reach: How far its ground reaches from the middle [m].
             initial: Where they begin.
             device: Where to simulate.
-            spec: The robot.
         """
         num_worlds, queue_length = initial["target_queue"].shape[:2]
         self.config = replace(config, num_worlds=num_worlds)

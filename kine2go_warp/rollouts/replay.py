@@ -14,7 +14,7 @@ from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import MotorState, MujocoRobot
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.robots import GO2
+from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rollouts.open_loop import InitialState, OpenLoop
 from kine2go_warp.rotations import rotation_angle
 from kine2go_warp.settings import from_dictionary
@@ -74,7 +74,8 @@ def replay_motion(
     Raises:
         DatasetError: the dataset cannot be read, or there is no such trajectory.
     """
-    data = open_dataset(path, include_rejected=True).load(motion)
+    dataset = open_dataset(path, include_rejected=True)
+    data, spec = dataset.load(motion), dataset.robot
     count = data.trajectories.num_trajectories
     chosen = list(range(count)) if trajectories is None else trajectories
     for index in chosen:
@@ -85,7 +86,7 @@ def replay_motion(
     reach = float(data.attributes.get("ground_reach", 0.0))
     run = replay_in_newton if engine == "newton" else replay_in_mujoco
     return [
-        compare(data, index, run(data, index, config, reach, one_of(initial, index), device), config.control_rate)
+        compare(data, index, run(data, index, spec, config, reach, one_of(initial, index), device), config.control_rate)
         for index in chosen
     ]
 
@@ -127,11 +128,17 @@ def one_of(initial: InitialState, index: int) -> InitialState:
 
 
 def replay_in_newton(
-    data: MotionData, index: int, config: EnvConfig, reach: float, initial: InitialState, device: str
+    data: MotionData,
+    index: int,
+    spec: RobotSpec,
+    config: EnvConfig,
+    reach: float,
+    initial: InitialState,
+    device: str,
 ) -> dict[str, NDArray]:
     """Return the states of a trajectory simulated anew, each of shape [num_rows, ...]."""
     rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
-    robot = OpenLoop(config, reach, initial, device)
+    robot = OpenLoop(spec, config, reach, initial, device)
     seen = [robot.state()]
     for row in range(length - 1):
         robot.step(rows["joint_target"][index : index + 1, row], rows["push"][index : index + 1, row])
@@ -142,6 +149,7 @@ def replay_in_newton(
 def replay_in_mujoco(
     data: MotionData,
     index: int,
+    spec: RobotSpec,
     config: EnvConfig,
     reach: float,  # noqa: ARG001 - the ground is a plane
     initial: InitialState,
@@ -157,8 +165,8 @@ def replay_in_mujoco(
     rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
     names = ("stiffness", "damping", "strength", "motor_offset", "joint_friction")
     stiffness, damping, strength, offset, friction = (initial[name][0].astype(float) for name in names)
-    delay, limits = int(initial["delay"][0]), config.motor.limits(GO2)
-    robot = MujocoRobot(config, GO2, MotorState(stiffness, damping, strength, offset, delay, limits, friction))
+    delay, limits = int(initial["delay"][0]), config.motor.limits(spec)
+    robot = MujocoRobot(config, spec, MotorState(stiffness, damping, strength, offset, delay, limits, friction))
     robot.set_body(float(initial["base_mass"][0]), initial["base_com"][0], float(initial["friction"][0]))
     targets = coming_targets(initial, config.substeps)
     robot.set_state(initial["joint_q"][0], initial["joint_qd"][0], targets, initial["friction_anchor"][0])

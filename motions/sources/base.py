@@ -1,7 +1,7 @@
 """The interface of a source."""
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,14 +9,30 @@ import numpy as np
 
 from kine2go_warp.motions.examination import examined
 from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.robots import RobotSpec
 
 STATED = ("name", "scale", "root_drop", "forward_lift", "foot_outward")
+
+
+@dataclass(frozen=True)
+class Proportions:
+    """How an animal compares with one robot."""
+
+    scale: float
+    """Size of the robot over the size of the animal."""
+    root_drop: float
+    """See ``MotionSource`` [m]."""
+    forward_lift: float
+    """See ``MotionSource`` [m]."""
+    foot_outward: float
+    """See ``MotionSource`` [m]."""
 
 
 class MotionSource(ABC):
     """Reads one file format and knows how the animal in it compares with the robot.
 
-    A source states ``name``, ``scale`` and the three offsets itself: they belong to one kind of animal.
+    A source states ``name``, ``scale`` and the three offsets itself, for the Go2: they belong to one kind of animal.
+    ``proportions`` are those for another robot.
     """
 
     name: ClassVar[str]
@@ -59,6 +75,13 @@ class MotionSource(ABC):
         if rate is not None and not self.tells_rate:
             motion = replace(motion, time=np.arange(motion.num_frames) / rate)
         return examined(motion, self.scale, self.unit, str(path))
+
+    def proportions(self, spec: RobotSpec) -> Proportions:
+        """Return how the animal compares with a robot: lengths grow with its legs, ``foot_outward`` with its hips."""
+        size = spec.size
+        return Proportions(
+            size * self.scale, size * self.root_drop, size * self.forward_lift, spec.width * self.foot_outward
+        )
 
     def data_file(self, path: Path) -> Path:
         """Return the file that ``path`` is in, for sources that name one motion among several in a file."""

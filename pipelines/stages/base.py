@@ -7,9 +7,18 @@ from typing import Any, Protocol
 
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
+from kine2go_warp.robots import DEFAULT_ROBOT
 
 Inputs = Mapping[str, Artefact]
 """Finished artefacts of the earlier stages of a motion, by stage."""
+
+
+def robot_inputs(job: Job) -> dict[str, Any]:
+    """Return what a stage depends on of a robot other than the Go2; nothing for that, whose artefacts are older."""
+    if job.recipe.robot == DEFAULT_ROBOT:
+        return {}
+    pose = job.robot.default_joint_position
+    return {"robot": job.robot.reference, "robot_model": job.robot.model_hash, "default_joint_position": list(pose)}
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import Any
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
-from kine2go_warp.robots import GO2
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput, robot_inputs
 from kine2go_warp.settings import to_dictionary
 
 STORE = "motion.zarr"
@@ -33,7 +32,8 @@ class GatherStage:
             "version": 1,
             "policy": upstream["train"].record.output,
             "clip": upstream["retarget"].record.output,
-            "robot_model": GO2.model_hash,
+            "robot_model": job.robot.model_hash,
+            **robot_inputs(job),
             "settings": to_dictionary(with_rows(job.recipe.gather, job.motion)),
         }
 
@@ -47,7 +47,7 @@ class GatherStage:
             monitor.stop_if_asked()
             monitor.advanced(accepted, total, detail, accepted=float(accepted))
 
-        writer = DatasetWriter(folder / STORE, GO2)
+        writer = DatasetWriter(folder / STORE, job.robot)
         result = gather(PolicyFolder(upstream["train"].path), writer, job.recipe.gather, job.device, report)
         rejected = sum(result.rejected.values())
         figures = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
@@ -63,5 +63,5 @@ class GatherStage:
         """
         from kine2go_warp.dataset.writer import DatasetWriter
 
-        writer = DatasetWriter(job.workspace.dataset, GO2)
+        writer = DatasetWriter(job.workspace.dataset, job.robot)
         writer.adopt(artefact.path / STORE, job.motion, replaceable=job.recipe.motions)

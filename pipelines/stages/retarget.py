@@ -7,8 +7,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
-from kine2go_warp.robots import GO2
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput, robot_inputs
 from kine2go_warp.settings import to_dictionary
 
 GROSS_RESIDUAL = 0.1
@@ -45,7 +44,8 @@ class RetargetStage:
         return {
             "version": 2,
             "source": to_dictionary(origin),
-            "robot_model": GO2.model_hash,
+            "robot_model": job.robot.model_hash,
+            **robot_inputs(job),
             "settings": to_dictionary(job.recipe.retarget),
             **({"accepted": True} if job.motion in job.recipe.accept else {}),
         }
@@ -61,9 +61,9 @@ class RetargetStage:
         from kine2go_warp.motions.retarget import retarget
 
         del upstream
-        result = retarget(job.entry, job.data_folder, InverseKinematics(GO2), job.recipe.retarget)
+        result = retarget(job.entry, job.data_folder, InverseKinematics(job.robot), job.recipe.retarget)
         clip = result.clip
-        quality = assess(result, GO2)
+        quality = assess(result, job.robot)
         remarks = clip_remarks(quality)
         for remark in remarks:
             monitor.note(f"clip: {remark}")

@@ -6,7 +6,6 @@ from typing import Any
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
-from kine2go_warp.robots import GO2
 
 HEADLINES = ("joint_rmse", "root_error", "foot_slip", "acceptance")
 """Figures that are shown of every motion."""
@@ -35,7 +34,7 @@ class ScoreStage:
         del upstream
         dataset = open_dataset(job.workspace.dataset)
         scored_motions(dataset, [job.motion])
-        measured = measure(dataset.load(job.motion), GO2)
+        measured = measure(dataset.load(job.motion), dataset.robot)
         scores = score([measured])
         path = folder / f"{job.motion}.json"
         write_json(job.workspace.dataset, [measured], scores, path)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput, robot_inputs
 from kine2go_warp.pipelines.stages.retarget import read_clip
 from kine2go_warp.settings import to_dictionary
 
@@ -30,7 +30,7 @@ class TrainStage:
         """Return the clip's content and the resolved settings."""
         settings = to_dictionary(job.recipe.train.on(job.device))
         del settings["preset"]
-        return {"version": 1, "clip": upstream["retarget"].record.output, "settings": settings}
+        return {"version": 1, "clip": upstream["retarget"].record.output, "settings": settings, **robot_inputs(job)}
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Train, or continue an interrupted training, or one of fewer iterations."""

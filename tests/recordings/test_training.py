@@ -14,6 +14,7 @@ from kine2go_warp.recordings import live
 from kine2go_warp.recordings.live import FileSink, ViewerSink
 from kine2go_warp.recordings.training import TrainingRecording
 from kine2go_warp.recordings.viewer import WebViewer
+from kine2go_warp.robots import GO2
 from tests.recordings.conftest import Recorded
 
 RERUN = str(Path(sys.executable).with_name("rerun"))
@@ -36,7 +37,7 @@ def made_up_rows(rng, num_steps):
 def test_worlds_and_curves_are_read_back_bit_for_bit(rng, tmp_path):
     path = tmp_path / "new" / "training.rrd"
     blocks = [made_up_rows(rng, 6) for _ in range(3)]
-    with TrainingRecording("trot", FileSink(path)) as recording:
+    with TrainingRecording("trot", GO2, FileSink(path)) as recording:
         for number, rows in enumerate(blocks):
             recording.on_worlds((6 * number + np.arange(6)) / 60.0, rows)
             time.sleep(0.5)
@@ -66,7 +67,7 @@ def test_worlds_and_curves_are_read_back_bit_for_bit(rng, tmp_path):
 
 def test_an_interrupted_training_leaves_its_recording(rng, tmp_path):
     def train_until_interrupted():
-        with TrainingRecording("trot", FileSink(tmp_path / "a.rrd")) as recording:
+        with TrainingRecording("trot", GO2, FileSink(tmp_path / "a.rrd")) as recording:
             recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
             raise KeyboardInterrupt
 
@@ -77,7 +78,7 @@ def test_an_interrupted_training_leaves_its_recording(rng, tmp_path):
 
 def test_a_full_disk_ends_the_watching_and_not_the_training(rng, tmp_path, monkeypatch):
     monkeypatch.setattr(live, "LEAST_SPACE", 1e18)
-    with TrainingRecording("trot", FileSink(tmp_path / "a.rrd")) as recording:
+    with TrainingRecording("trot", GO2, FileSink(tmp_path / "a.rrd")) as recording:
         for _ in range(4):
             recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
             time.sleep(0.2)
@@ -87,7 +88,7 @@ def test_a_full_disk_ends_the_watching_and_not_the_training(rng, tmp_path, monke
 def test_a_viewer_that_goes_away_does_not_hold_up_the_training(rng, monkeypatch):
     monkeypatch.setattr(live, "PATIENCE", 1.0)
     server = WebViewer.start([])
-    with TrainingRecording("trot", ViewerSink(server.source)) as recording:
+    with TrainingRecording("trot", GO2, ViewerSink(server.source)) as recording:
         recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
         time.sleep(0.6)
         server.process.kill()
@@ -100,7 +101,7 @@ def test_a_viewer_that_goes_away_does_not_hold_up_the_training(rng, monkeypatch)
 
 
 def test_more_than_can_be_drawn_is_dropped_rather_than_kept(tmp_path):
-    recording = TrainingRecording("trot", FileSink(tmp_path / "a.rrd"))
+    recording = TrainingRecording("trot", GO2, FileSink(tmp_path / "a.rrd"))
     for number in range(1000):
         recording.on_iteration(number / 10, number, CURVES)
     assert len(recording._seen) == 400
@@ -108,7 +109,7 @@ def test_more_than_can_be_drawn_is_dropped_rather_than_kept(tmp_path):
 
 def test_a_folder_in_the_way_is_an_error_before_the_training(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="file"), TrainingRecording("trot", FileSink(tmp_path / "file" / "a.rrd")):
+    with pytest.raises(OSError, match="file"), TrainingRecording("trot", GO2, FileSink(tmp_path / "file" / "a.rrd")):
         raise AssertionError(os.getpid())
 
 
