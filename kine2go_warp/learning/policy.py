@@ -134,8 +134,8 @@ class PolicyFolder:
         for clip in clips:
             if clip.robot != record.robot:
                 raise PolicyError(
-                    f"{self.path}: the clip {clip.name} is for the robot {clip.robot}, and the policy for {record.robot}; "
-                    "retarget the motion to the policy's robot"
+                    f"{self.path}: the clip {clip.name} is for the robot {clip.robot} and the policy for "
+                    f"{record.robot}; retarget the motion to the policy's robot"
                 )
         return clips
 

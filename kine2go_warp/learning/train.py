@@ -89,8 +89,12 @@ def train(
         record = replace(known, preset=preset)
     else:
         if policy.exists and not overwrite:
-            of = "clips or settings" if known is None or known.robot == robot else f"robot, {known.robot}, not {robot}"
-            raise PolicyError(f"{folder}: holds a policy of other {of}; choose another folder or pass --overwrite")
+            of = (
+                "other clips or settings"
+                if known is None or known.robot == robot
+                else f"another robot, {known.robot}, not {robot}"
+            )
+            raise PolicyError(f"{folder}: holds a policy of {of}; choose another folder or pass --overwrite")
         if policy.exists or policy.checkpoints():
             # Hours of training are not for deleting.
             moved_aside(folder, known.fingerprint if known is not None else "unreadable")
