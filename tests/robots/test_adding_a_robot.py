@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
@@ -92,9 +93,10 @@ def error_of(capsys, *arguments: object) -> str:
     """Return the one line with which a command ends with status 2."""
     capsys.readouterr()
     assert main([str(argument) for argument in arguments]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
+    (line,) = [
+        line for line in capsys.readouterr().err.splitlines() if "started" not in line and "preparing" not in line
+    ]
+    return line
 
 
 def test_clips_of_two_robots_are_not_trained_together(place, clip, tmp_path, capsys):
@@ -119,19 +121,22 @@ def test_a_policy_takes_no_clip_of_another_robot(place, policy, tmp_path, capsys
     assert not (tmp_path / "data.zarr").exists()
 
 
-def test_a_dataset_takes_no_motion_of_another_robot(place, dataset_copy, capsys):
-    line = error_of(capsys, "gather", place[0] / "policy", "--out", dataset_copy, "--device", "cpu")
-    assert "holds" in line
-    assert open_dataset(dataset_copy).robot is GO2
+def test_a_dataset_takes_no_motion_of_another_robot(place, walks, capsys):
+    line = error_of(capsys, "gather", place[0] / "policy", "--out", walks, "--device", "cpu")
+    assert "holds motions with robot go2, and dog_trot has my_robot; choose another dataset" in line
+    assert open_dataset(walks).robot is GO2
+    assert open_dataset(walks).motions == ["stroll", "walk"]
 
 
-def test_a_robot_that_is_gone_is_one_line(place, tmp_path, capsys):
-    record = json.loads((place[0] / "policy" / "policy.json").read_text())
-    (tmp_path / "policy").mkdir()
+def test_a_robot_that_is_gone_is_one_line(clip, dataset_copy, tmp_path, capsys):
     gone = f"{tmp_path / 'gone.py'}:SPEC"
-    (tmp_path / "policy" / "policy.json").write_text(json.dumps({**record, "robot": gone}))
-    line = error_of(capsys, "gather", tmp_path / "policy", "--out", tmp_path / "data.zarr")
-    assert "gone.py" in line
+    replace(clip, robot=gone).save(tmp_path / "clip.npz")
+    line = error_of(capsys, "train", tmp_path / "clip.npz", "--out", tmp_path / "policy")
+    assert f"clip dog_trot: its robot is not available here: {tmp_path / 'gone.py'}: no such Python file" in line
+    zarr.open_group(dataset_copy, mode="r+").attrs["robot_reference"] = gone
+    for command in ("score", "check", "replay"):
+        assert "gone.py: no such Python file" in error_of(capsys, command, dataset_copy)
+    assert next(open_dataset(dataset_copy).trajectories()).length > 100, "data are loaded without it"
     assert "unknown robot 'b3'; known are: go2, or FILE.py:NAME" in error_of(
         capsys, "retarget", "dog_trot", "--robot", "b3", "--out", tmp_path
     )
@@ -161,9 +166,9 @@ def test_a_urdf_that_is_another_kind_of_robot_is_refused(fault, tmp_path, capsys
     write_robot(tmp_path)
     old, new, expected = WRONG[fault]
     file = Path(tmp_path / "my_robot.urdf")
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new))
+    before, found, after = file.read_text().rpartition(old)
+    assert found
+    file.write_text(before + new + after)
     line = error_of(capsys, "retarget", "dog_trot", "--robot", f"{tmp_path / 'my_robot.py'}:SPEC", "--out", tmp_path)
     assert re.search(expected, line), line
 
