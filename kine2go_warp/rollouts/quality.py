@@ -10,6 +10,7 @@ from kine2go_warp import metrics
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.metrics import FILTER_METRICS, Rows
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import contact_velocities
 from kine2go_warp.rollouts.config import GatherConfig
 
 BORDERLINE = 0.8
@@ -47,9 +48,7 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
         "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
         "torque_saturation": metrics.torque_saturation(rows["joint_torque"], spec.joint_effort),
         "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),
-        "foot_slip": metrics.foot_slip(
-            rows["link_position"], rows["link_linear_velocity"], rows["foot_contact_force"], spec.foot_radius
-        ),
+        "foot_slip": metrics.foot_slip(contact_velocities(spec, rows), rows["foot_contact_force"]),
         "joint_jerk": metrics.joint_jerk(rows["joint_velocity"], frame_duration),
     }
 
