@@ -10,6 +10,8 @@ from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerrainConfi
 from kine2go_warp.env.observations import observation_layout, observation_size, place_privileged
 from kine2go_warp.kernels.terminations import REASON_DESCRIPTIONS, REASON_NAMES
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
+from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots.spec import FRICTION_STIFFNESS, LEG_JOINTS
 
 INTRODUCTION = """# The environment
 
@@ -96,6 +98,7 @@ def environment_page(config: EnvConfig | None = None) -> str:
         termination_section(config),
         reset_section(config),
         randomization_section(),
+        robot_section(config),
         terrain_section(),
         faults_section(),
     )
@@ -218,6 +221,38 @@ Each is a range `[least, greatest]` of a uniform distribution, off by default (`
 world is recorded with each trajectory; a push with the row before it.
 
 {table(("range", "unit", "drawn for", "each", "meaning"), rows)}"""
+
+
+def robot_section(config: EnvConfig, spec: RobotSpec = GO2) -> str:
+    """Return the body, the motors and the joints as they are simulated."""
+    limits, solver = spec.motor_limits, config.solver
+    columns = (
+        ("driving torque [N m]", limits.driving),
+        ("up to [rad/s]", limits.full_torque_speed),
+        ("none from [rad/s]", limits.no_load_speed),
+        ("braking torque [N m]", limits.braking),
+        ("largest speed [rad/s]", spec.joint_speed),
+        ("friction [N m]", spec.joint_friction),
+    )
+    rows = [(name, *(f"{values[index]:g}" for _, values in columns)) for index, name in enumerate(LEG_JOINTS)]
+    return f"""## Robot
+
+Masses, centres of mass and inertias are the URDF's, links on fixed joints merged with their parents; a test compares
+every body with MuJoCo's own compiler. The rotors add {spec.armature:g} kg m² to each joint. `model_hash` of a motion is
+a hash of the compiled numbers.
+
+
+{table(("joint", *(name for name, _ in columns)), rows)}
+Torques fall linearly between the two speeds. The calf's linkage gears its motor by 1.5, the ratio of the URDF's limits.
+`motor.torque_speed=false` gives the URDF's limits at any speed. Friction counts `motor.friction` times, 1 in `fast` and
+`robust` and 0 in `paper`. It is a damped spring of {FRICTION_STIFFNESS:g} N m/rad that slides once its torque is the
+friction's: a joint at rest is held without creeping. It is part of the motors' kernel; as rows of the solver
+(`frictionloss`, twelve more a world) it took a fifth of the environment's rate.
+
+Joint stops are critically damped with a time constant of {solver.stop_time:g} s, whatever the inertia
+(`solver.stop_time`). The robot's parts collide with the ground alone, or with one another, too (`solver.self_contact`).
+`leg_distance` in the rows of a dataset is how far legs are from one another, the trunk and the head.
+"""
 
 
 def terrain_section() -> str:

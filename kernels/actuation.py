@@ -21,6 +21,22 @@ class MotorModel:
     """What the motor's own angle reads too little [rad], shape [num_worlds, 12]."""
     delay: wp.array(dtype=int)
     """Latency [physics substeps], shape [num_worlds]."""
+    driving: wp.array(dtype=float)
+    """Largest torque with the motion, as in ``RobotSpec.motor_limits`` like the next three [N m], shape [12]."""
+    braking: wp.array(dtype=float)
+    """Largest torque against the motion [N m], shape [12]."""
+    full_torque_speed: wp.array(dtype=float)
+    """[rad/s], shape [12]."""
+    no_load_speed: wp.array(dtype=float)
+    """[rad/s], shape [12]."""
+    friction: wp.array2d(dtype=float)
+    """Coulomb friction of the joints [N m], shape [num_worlds, 12]."""
+    friction_anchor: wp.array2d(dtype=float)
+    """Joint position at which the friction's spring is slack [rad], shape [num_worlds, 12]."""
+    friction_stiffness: float
+    """Of that spring [N m/rad]."""
+    friction_damping: float
+    """Of that spring [N m s/rad]."""
 
 
 @wp.kernel
@@ -82,6 +98,33 @@ def delayed_slot(step: int, substep: int, substeps: int, delay: int, queue_lengt
     return (now // substeps) % queue_length
 
 
+@wp.func
+def available_torque(motors: MotorModel, joint: int, demand: float, velocity: float) -> float:
+    """Return the largest size of a torque in the direction of the demanded one at the joint's speed [N m]."""
+    if demand * velocity < 0.0:
+        return motors.braking[joint]
+    free, full = motors.no_load_speed[joint], motors.full_torque_speed[joint]
+    return motors.driving[joint] * wp.clamp((free - wp.abs(velocity)) / (free - full), 0.0, 1.0)
+
+
+@wp.func
+def friction_torque(
+    motors: MotorModel, world: int, joint: int, position: float, velocity: float, is_first: bool
+) -> float:
+    """Return the torque of the joint's Coulomb friction [N m], and let its spring slide along where it must.
+
+    ``is_first`` says that an episode begins: the spring is slack then.
+    """
+    slack = position
+    if not is_first:
+        slack = motors.friction_anchor[world, joint]
+    limit = motors.friction[world, joint]
+    reach = limit / motors.friction_stiffness
+    stretch = wp.clamp(position - slack, -reach, reach)
+    motors.friction_anchor[world, joint] = position - stretch
+    return wp.clamp(-motors.friction_stiffness * stretch - motors.friction_damping * velocity, -limit, limit)
+
+
 @wp.kernel
 def apply_motor_torque(
     joint_q: wp.array2d(dtype=float),
@@ -91,18 +134,21 @@ def apply_motor_torque(
     substep: int,
     substeps: int,
     motors: MotorModel,
-    effort: wp.array(dtype=float),
     joint_force: wp.array2d(dtype=float),
     torque: wp.array2d(dtype=float),
 ):
-    """Write the clamped PD torque of each motor [N m] into Newton's joint forces and into ``torque``.
+    """Write each motor's limited PD torque [N m] into ``torque``, and with the joint's friction into Newton's forces.
 
     Launched over [num_worlds, 12] before every physics substep.
     """
     world, joint = wp.tid()
     slot = delayed_slot(reference_step[world], substep, substeps, motors.delay[world], queue.shape[1])
-    error = queue[world, slot, joint] + motors.offset[world, joint] - joint_q[world, 7 + joint]
-    demand = motors.stiffness[world, joint] * error - motors.damping[world, joint] * joint_qd[world, 6 + joint]
-    applied = wp.clamp(motors.strength[world, joint] * demand, -effort[joint], effort[joint])
-    joint_force[world, 6 + joint] = applied
+    position, velocity = joint_q[world, 7 + joint], joint_qd[world, 6 + joint]
+    error = queue[world, slot, joint] + motors.offset[world, joint] - position
+    law = motors.stiffness[world, joint] * error - motors.damping[world, joint] * velocity
+    demand = motors.strength[world, joint] * law
+    limit = available_torque(motors, joint, demand, velocity)
+    applied = wp.clamp(demand, -limit, limit)
+    is_first = reference_step[world] == 0 and substep == 0
+    joint_force[world, 6 + joint] = applied + friction_torque(motors, world, joint, position, velocity, is_first)
     torque[world, joint] = applied

@@ -55,7 +55,7 @@ def collect_contacts(
     body_contact: wp.array(dtype=int),
     leg_contact: wp.array(dtype=int),
 ):
-    """Sum the forces on the feet in the world frame [N] and flag contacts of base, head and legs.
+    """Sum the ground's forces on the feet in the world frame [N] and flag contacts of base, head and legs with it.
 
     Launched over the capacity of the contact buffer. A contact's normal points from its first to its second shape and
     its force acts on the second.
@@ -65,6 +65,9 @@ def collect_contacts(
         return
     address = row_address[contact, 0]
     if address < 0 or address + 3 >= row_force.shape[1]:
+        return
+    if geom_role[geom[contact][0]] >= 0 and geom_role[geom[contact][1]] >= 0:
+        # The robot touches itself.
         return
     world = contact_world[contact]
     rows = wp.vec4(

@@ -22,6 +22,8 @@ class MotorRanges:
     """Factor on the torque [-], drawn for each joint."""
     offset: wp.vec2
     """Error of the joint's zero [rad], drawn for each joint."""
+    friction: wp.vec2
+    """Factor on the joint's friction [-], drawn for each joint."""
     delay: wp.vec2
     """Latency [physics substeps], both ends included."""
 
@@ -83,6 +85,7 @@ def draw_motors(
     ranges: MotorRanges,
     nominal_stiffness: float,
     nominal_damping: float,
+    nominal_friction: wp.array(dtype=float),
     motors: MotorModel,
 ):
     """Draw the motors of every world that is done. Launched over [num_worlds]."""
@@ -95,6 +98,8 @@ def draw_motors(
         motors.damping[world, joint] = nominal_damping * wp.randf(rng, ranges.damping[0], ranges.damping[1])
         motors.strength[world, joint] = wp.randf(rng, ranges.strength[0], ranges.strength[1])
         motors.offset[world, joint] = wp.randf(rng, ranges.offset[0], ranges.offset[1])
+        friction = wp.randf(rng, ranges.friction[0], ranges.friction[1])
+        motors.friction[world, joint] = nominal_friction[joint] * friction
     motors.delay[world] = wp.min(int(wp.randf(rng, ranges.delay[0], ranges.delay[1] + 1.0)), int(ranges.delay[1]))
 
 

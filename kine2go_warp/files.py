@@ -1,6 +1,7 @@
 """Files and folders that appear whole or not at all."""
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import shutil
@@ -86,3 +87,33 @@ def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextlib.contextmanager
+def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[bool]:
+    """Lock a file or folder until the block ends, or the process does; yield whether that succeeded.
+
+    Args:
+        path: What to lock; a file that is not there is created, and not removed.
+        wait: Wait until no other process holds the lock, instead of yielding false.
+        shared: Keep out those alone that want the lock for themselves. Nothing is created.
+    """
+    flags = os.O_RDONLY if shared or path.is_dir() else os.O_RDWR | os.O_CREAT
+    descriptor = os.open(path, flags, 0o644)
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
+        succeeded = True
+    except BlockingIOError:
+        succeeded = False
+    try:
+        yield succeeded
+    finally:
+        os.close(descriptor)
+
+
+def moved_aside(path: Path, why: str) -> Path:
+    """Rename a file or folder that is in the way to ``NAME.WHY-1``, or the next free number, and return that path."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.{why}-{number}")).exists():
+        number += 1
+    return path.rename(aside)

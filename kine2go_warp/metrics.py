@@ -76,6 +76,10 @@ FILTER_METRICS = (
              "mean horizontal speed of the lowest point of a foot while the floor pushes it with more than "
              f"{CONTACT_FORCE:g} N", "max_foot_slip", "foot_slip", "foot slip"),
     _limited("joint_jerk", "rad/s^3", "mean size of the joint jerks", "max_joint_jerk", "jerk", "joint jerk"),
+    _limited("joint_speed", "1", "largest joint speed as a share of the motor's largest",
+             "max_joint_speed", "joint_speed", "joint speed"),
+    _limited("leg_overlap", "m", "greatest depth of a leg in another one, the trunk or the head",
+             "max_leg_overlap", "leg_overlap", "leg overlap"),
 )  # fmt: skip
 """Those that the filter of gathering limits; the first one that is exceeded is the reason."""
 
@@ -228,9 +232,9 @@ def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
     return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
 
 
-def torque_saturation(joint_torque: NDArray, joint_effort: NDArray | tuple[float, ...]) -> Array:
-    """Return the share of torques [N m] at the largest that the motors give, ``joint_effort`` of shape [num_joints]."""
-    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(joint_effort), joint_torque)
+def torque_saturation(joint_torque: NDArray, available: NDArray | tuple[float, ...]) -> Array:
+    """Return the share of torques [N m] at the largest that the motors give, ``available``, of a shape that fits."""
+    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(available), joint_torque)
 
 
 def joint_limit_share(

@@ -103,6 +103,7 @@ RANDOMIZED_PARAMETERS = (
     RandomizedParameter("damping", "N m s/rad", _JOINT, "damping of the motors", is_factor=True),
     RandomizedParameter("strength", "1", _JOINT, "factor on the torque of the motors", is_factor=True),
     RandomizedParameter("motor_offset", "rad", _JOINT, "error of the motors' zero angle"),
+    RandomizedParameter("joint_friction", "N m", _JOINT, "Coulomb friction of the joints", is_factor=True),
     RandomizedParameter(
         "latency",
         "s",

@@ -89,18 +89,6 @@ def set_at(values: dict[str, Any], path: str, value: Any) -> None:
     values[name] = value
 
 
-def to_toml(values: dict[str, Any], section: str = "") -> str:
-    """Return nested dictionaries of JSON values as TOML."""
-    plain = {name: value for name, value in values.items() if not isinstance(value, dict)}
-    lines = [f"[{section}]"] if section and plain else []
-    lines += [f"{name} = {json.dumps(NOTHING if value is None else value)}" for name, value in plain.items()]
-    blocks = ["\n".join(lines) + "\n"] if lines else []
-    for name, value in values.items():
-        if isinstance(value, dict):
-            blocks.append(to_toml(value, f"{section}.{name}" if section else name))
-    return "\n".join(block for block in blocks if block)
-
-
 def check_ranges(settings: Any, **ranges: tuple[float, float]) -> None:
     """Check that numbers, or all of a tuple's, are finite and between a least and a greatest; ``None`` is left out.
 

@@ -5,7 +5,6 @@ when it is whole, so that it exists entirely or not at all. Work that takes hour
 folder; all other work begins there anew.
 """
 
-import fcntl
 import json
 import shutil
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp.errors import PipelineError
-from kine2go_warp.files import atomic_file, flush_folder
+from kine2go_warp.files import atomic_file, flush_folder, locked, moved_aside
 from kine2go_warp.settings import content_hash, from_dictionary
 
 RECORD = "artefact.json"
@@ -60,7 +59,7 @@ class Artefact:
 
 
 @dataclass(frozen=True)
-class Place:
+class ArtefactSlot:
     """Where an artefact of certain inputs lies, or will lie."""
 
     folder: Path
@@ -84,18 +83,18 @@ class Place:
         """The unfinished artefact."""
         return self.folder / f".work-{self.motion}-{self.key}"
 
-    def find(self) -> Artefact | None:
+    def get(self) -> Artefact | None:
         """Return the artefact if it is there. One whose record cannot be read is set aside and counts as missing."""
         if not self.path.is_dir():
             return None
         record = read_record(self.path / RECORD)
         if record is None or record.key != self.key:
-            set_aside(self.path)
+            moved_aside(self.path, "damaged")
             return None
         return Artefact(self.path, record)
 
     @contextmanager
-    def making(self, keep: bool) -> Iterator[Path]:
+    def build(self, keep: bool) -> Iterator[Path]:
         """Yield the folder of the unfinished artefact, which no other process may work in meanwhile.
 
         Args:
@@ -107,11 +106,9 @@ class Place:
         self.work.mkdir(parents=True, exist_ok=True)
         # Beside the folder, so that the lock is no part of the artefact.
         lock = self.work.with_name(f"{self.work.name}.{LOCK}")
-        with lock.open("a") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise PipelineError(f"{self.work}: another process works here; wait for it or end it") from None
+        with locked(lock) as is_ours:
+            if not is_ours:
+                raise PipelineError(f"{self.work}: another process works here; wait for it or end it")
             if not keep:
                 shutil.rmtree(self.work)
                 self.work.mkdir()
@@ -124,7 +121,7 @@ class Place:
             temporary.write_text(json.dumps(asdict(record), indent=2) + "\n")
         flush_folder(self.work)
         if self.path.exists():
-            set_aside(self.path)
+            moved_aside(self.path, "damaged")
         self.work.rename(self.path)
         return Artefact(self.path, record)
 
@@ -143,14 +140,6 @@ def read_record(path: Path) -> ArtefactRecord | None:
     except (OSError, ValueError, PipelineError):
         return None
     return record if record.format_version == FORMAT_VERSION else None
-
-
-def set_aside(folder: Path) -> None:
-    """Move a folder that is in the way to a name that nothing looks at."""
-    number = 1
-    while (aside := folder.with_name(f"{folder.name}.damaged-{number}")).exists():
-        number += 1
-    folder.rename(aside)
 
 
 def difference(before: dict[str, Any], after: dict[str, Any], path: str = "") -> list[str]:

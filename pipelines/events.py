@@ -1,4 +1,4 @@
-"""What a run tells while it goes on: to people, and as JSON to machines."""
+"""Events of a run: for people, and as JSON for machines."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -40,7 +40,7 @@ class Event:
 
 
 class RunObserver:
-    """Is told what happens. This one does not listen; those of the command line show it."""
+    """Receives the events of a run. This one ignores them; those of the command line show them."""
 
-    def tell(self, event: Event) -> None:
-        """Hear of an event."""
+    def on_event(self, event: Event) -> None:
+        """Take in an event."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from kine2go_warp.pipelines.artefacts import Artefact, Place, difference, latest
+from kine2go_warp.pipelines.artefacts import Artefact, ArtefactSlot, difference, latest
 from kine2go_warp.pipelines.job import Job
 from kine2go_warp.pipelines.stages import STAGES, Stage
 
@@ -20,7 +20,7 @@ class StagePlan:
     """``next``: it can run now. ``waits``: an earlier stage comes first. ``off``: the recipe does not ask for it."""
     why: str = ""
     """Why it is not done."""
-    place: Place | None = None
+    slot: ArtefactSlot | None = None
     """Where the artefact lies or will lie, if its inputs are known."""
     artefact: Artefact | None = None
     """The artefact, if it is there."""
@@ -35,29 +35,29 @@ def plan(job: Job) -> Iterator[StagePlan]:
     done: dict[str, Artefact] = {}
     missing = ""
     for stage in STAGES:
-        if not stage.is_wanted(job):
+        if not stage.enabled(job):
             yield StagePlan(stage, "off")
         elif missing:
             yield StagePlan(stage, "waits", f"after {missing}")
         else:
             folder = job.workspace.artefacts / stage.name
-            place = Place(folder, stage.name, job.motion, json.loads(json.dumps(stage.inputs(job, done))))
-            artefact = place.find()
+            slot = ArtefactSlot(folder, stage.name, job.motion, json.loads(json.dumps(stage.inputs(job, done))))
+            artefact = slot.get()
             if artefact is not None:
                 done[stage.name] = artefact
-                yield StagePlan(stage, "done", "", place, artefact)
+                yield StagePlan(stage, "done", "", slot, artefact)
             else:
                 missing = stage.name
-                yield StagePlan(stage, "next", reason(place), place)
+                yield StagePlan(stage, "next", reason(slot), slot)
 
 
-def reason(place: Place) -> str:
+def reason(slot: ArtefactSlot) -> str:
     """Return why an artefact has to be made."""
-    before = latest(place.folder, place.motion)
-    unfinished = "; continues what was begun" if has_begun(place.work) else ""
+    before = latest(slot.folder, slot.motion)
+    unfinished = "; continues what was begun" if has_begun(slot.work) else ""
     if before is None:
         return "not made yet" + unfinished
-    changes = difference(before.inputs, place.inputs)
+    changes = difference(before.inputs, slot.inputs)
     return f"{', '.join(changes[:3])}{', ...' if len(changes) > 3 else ''}{unfinished}"
 
 

@@ -2,17 +2,18 @@
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 from kine2go_warp.errors import Kine2GoError, RecipeError
-from kine2go_warp.learning.presets import FAST, Preset, find_preset
+from kine2go_warp.learning.presets import FAST, Preset, base_preset
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.settings import from_dictionary, set_at
+from kine2go_warp.toml import place_in, read_toml
 
 RECIPE_FOLDER = Path(__file__).parent
 
@@ -64,29 +65,16 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     bundled = RECIPE_FOLDER / f"{path}.toml"
     if not path.is_file() and path.parent == Path() and bundled.is_file():
         path = bundled
-    values, text = read_toml(path)
+    if not path.exists():
+        known = ", ".join(sorted(recipe.stem for recipe in RECIPE_FOLDER.glob("*.toml")))
+        raise RecipeError(f"{path}: no such recipe; bundled ones are: {known}")
+    values, text = read_toml(path, RecipeError)
     recipe = check_recipe(values, str(path), text)
     if overrides:
         for one in overrides:
             apply_override(values, one)
         recipe = check_recipe(values, "--set")
     return recipe
-
-
-def read_toml(path: Path) -> tuple[dict[str, Any], str]:
-    """Return the values and the text of a TOML file.
-
-    Raises:
-        RecipeError: there is no such file, or it is not TOML.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-        return tomllib.loads(text), text
-    except FileNotFoundError:
-        known = ", ".join(sorted(recipe.stem for recipe in RECIPE_FOLDER.glob("*.toml")))
-        raise RecipeError(f"{path}: no such recipe; bundled ones are: {known}") from None
-    except (OSError, ValueError) as error:
-        raise RecipeError(f"{path}: cannot be read as TOML ({error})") from None
 
 
 def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
@@ -105,7 +93,7 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     def refuse(key: str, message: str) -> NoReturn:
         raise RecipeError(f"{where}{locate(key)}: {message}")
 
-    base = Recipe("", (), train=preset_of(values, where, locate))
+    base = Recipe("", (), train=base_preset(values.get("train"), where, RecipeError, locate))
     recipe = from_dictionary(Recipe, values, where, RecipeError, locate, base)
     if not recipe.motions:
         refuse("motions", "'motions' is empty; name at least one motion of the catalogue")
@@ -117,34 +105,6 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe
-
-
-def preset_of(values: dict[str, Any], where: str, locate: Callable[[str], str] = lambda _: "") -> Preset:
-    """Return the preset that the section ``train`` of a file names, which its other settings are laid over.
-
-    Raises:
-        RecipeError: there is none of that name.
-    """
-    section = values.get("train")
-    name = section.get("preset", FAST.preset) if isinstance(section, dict) else FAST.preset
-    try:
-        return find_preset(name) if isinstance(name, str) else FAST
-    except Kine2GoError as error:
-        raise RecipeError(f"{where}{locate('train.preset')}: {error}") from None
-
-
-def train_section(values: dict[str, Any], where: str, text: str = "", preset: str | None = None) -> Preset:
-    """Return the settings of the section ``train`` of a file, over those of its preset, or of another one.
-
-    Raises:
-        RecipeError: a key or value of the section is wrong.
-    """
-    locate = partial(place_in, text)
-    base = preset_of(values, where, locate) if preset is None else find_preset(preset)
-    section = values.get("train", {})
-    if isinstance(section, dict) and preset is not None:
-        section = {**section, "preset": base.preset}
-    return from_dictionary(Preset, section, where, RecipeError, lambda key: locate(f"train.{key}"), base)
 
 
 def apply_override(values: dict[str, Any], override: str) -> None:
@@ -164,33 +124,3 @@ def apply_override(values: dict[str, Any], override: str) -> None:
         set_at(values, key.strip(), value)
     except Kine2GoError as error:
         raise RecipeError(f"--set {override}: {error} of the recipe") from None
-
-
-def place_in(text: str, key: str) -> str:
-    """Return line and section of a key such as ``train.env.seed``, as messages have them."""
-    line = next((line for part in ancestors(key) if (line := line_of(text, part))), None)
-    section = key if line_of(text, key, sections=True) else key.rpartition(".")[0]
-    return (f", line {line}" if line else "") + (f", [{section}]" if section else "")
-
-
-def ancestors(key: str) -> Iterator[str]:
-    """Yield a key and the sections that it is in, inner ones first."""
-    while key:
-        yield key
-        key = key.rpartition(".")[0]
-
-
-def line_of(text: str, key: str, sections: bool = False) -> int | None:
-    """Return the number of the line where a key such as ``train.env.seed``, or a section, stands; none if not found."""
-    section = ""
-    for number, line in enumerate(text.splitlines(), start=1):
-        header = re.match(r"\s*\[\s*([\w.\s-]+?)\s*\]", line)
-        if header:
-            section = header.group(1)
-            if section == key:
-                return number
-        name = re.match(r"\s*([\w.-]+)\s*=", line)
-        found = name and (f"{section}.{name.group(1)}" if section else name.group(1))
-        if found == key and not sections:
-            return number
-    return None

@@ -21,7 +21,7 @@ from kine2go_warp.revision import revision
 from kine2go_warp.settings import to_dictionary
 
 POLL = 0.5
-"""How often is looked at what the stages tell [s]."""
+"""Interval between two looks at the progress of the stages [s]."""
 ATTEMPTS = 3
 """How often a stage is started whose worker dies."""
 
@@ -78,7 +78,7 @@ class RecipeRunner:
             workspace: Where.
             data_folder: Folder of the source clips.
             engine: Runs the stages; it is closed at the end of ``run``.
-            observer: Is told what happens.
+            observer: Receives the events.
             should_stop: Looked at now and then; once true, trainings write a checkpoint and the run ends.
 
         Raises:
@@ -103,7 +103,7 @@ class RecipeRunner:
             PipelineError: another run works in the same folder.
         """
         started = time.monotonic()
-        with self.workspace.locked():
+        with self.workspace.alone():
             try:
                 self._begin()
                 while self._queue or self._running:
@@ -113,7 +113,7 @@ class RecipeRunner:
                 self.workspace.stop_file.unlink(missing_ok=True)
         result = RunResult(tuple(self._finished), dict(self._failed), tuple(self._stopped))
         counts = {"finished": len(result.finished), "failed": len(result.failed), "stopped": len(result.stopped)}
-        self._tell("run_finished", seconds=time.monotonic() - started, figures=counts)
+        self._emit("run_finished", seconds=time.monotonic() - started, figures=counts)
         return result
 
     def _begin(self) -> None:
@@ -131,13 +131,13 @@ class RecipeRunner:
             temporary.write_text(json.dumps(record, indent=2) + "\n")
         for motion in self.jobs:
             self.workspace.progress(motion).unlink(missing_ok=True)
-        self._tell("run_started", detail=self.recipe.name, figures={"motions": len(self.jobs)})
+        self._emit("run_started", detail=self.recipe.name, figures={"motions": len(self.jobs)})
 
     def _step(self) -> None:
         """Start what can be started, and take in what has ended."""
         if self._should_stop() and not self.workspace.stop_file.exists():
             self.workspace.stop_file.touch()
-            self._tell("run_stopping")
+            self._emit("run_stopping")
             while self._queue:
                 self._stop(self._queue.popleft(), "")
         while self._queue and self.engine.has_room():
@@ -153,7 +153,7 @@ class RecipeRunner:
             for one in plan(job):
                 stage = one.stage.name
                 if one.state == "next":
-                    self._tell("stage_started", motion, stage, one.why)
+                    self._emit("stage_started", motion, stage, one.why)
                     self._running[motion] = (stage, None)
                     self.engine.start(job, stage)
                     return
@@ -162,8 +162,8 @@ class RecipeRunner:
                     remarks = one.artefact.record.figures.get("clip_remarks", ())
                     if remarks and motion not in self._assessed:
                         self._assessed.add(motion)
-                        self._tell("clip_assessed", motion, stage, "; ".join(remarks))
-                    one.stage.show(job, one.artefact)
+                        self._emit("clip_assessed", motion, stage, "; ".join(remarks))
+                    one.stage.publish(job, one.artefact)
         except Kine2GoError as error:
             self._fail(motion, stage or "retarget", str(error))
         except OSError as error:
@@ -182,7 +182,7 @@ class RecipeRunner:
         elif outcome.state == "stopped" or self.workspace.stop_file.exists():
             self._stop(motion, stage)
         elif outcome.state == "done":
-            self._tell("stage_finished", motion, stage, seconds=outcome.seconds)
+            self._emit("stage_finished", motion, stage, seconds=outcome.seconds)
             # In front, so that one motion is complete before the next begins.
             self._queue.appendleft(motion)
         else:
@@ -192,7 +192,7 @@ class RecipeRunner:
         """Start a stage again whose worker has died, unless it kills every worker."""
         deaths = self._deaths[motion, stage] = self._deaths.get((motion, stage), 0) + 1
         MotionLog(self.workspace.log(motion)).write(f"{stage}: {why}; death {deaths}")
-        self._tell("worker_died", motion, stage, why)
+        self._emit("worker_died", motion, stage, why)
         if deaths < ATTEMPTS:
             self._queue.appendleft(motion)
         else:
@@ -205,19 +205,19 @@ class RecipeRunner:
         MotionLog(failure.log).write(f"{stage} failed for good: {why}")
         with atomic_file(self.workspace.failure(motion)) as temporary:
             temporary.write_text(json.dumps({"stage": stage, "why": why, "log": str(failure.log)}) + "\n")
-        self._tell("motion_failed", motion, stage, f"{why} (log: {failure.log})")
+        self._emit("motion_failed", motion, stage, f"{why} (log: {failure.log})")
 
     def _stop(self, motion: str, stage: str) -> None:
         """Leave a motion unfinished."""
         self._stopped.append(motion)
-        self._tell("motion_stopped", motion, stage)
+        self._emit("motion_stopped", motion, stage)
 
     def _finish(self, motion: str, done: list[StagePlan]) -> None:
         """Note that all stages of a motion are done."""
         self._finished.append(motion)
         self.workspace.failure(motion).unlink(missing_ok=True)
         figures = {name: value for one in done if one.artefact for name, value in one.artefact.record.figures.items()}
-        self._tell("motion_finished", motion, figures=figures)
+        self._emit("motion_finished", motion, figures=figures)
 
     def _pass_on_progress(self) -> None:
         """Tell how far the stages are that have come farther."""
@@ -226,7 +226,7 @@ class RecipeRunner:
             if note is None or note.stage != stage or note == known:
                 continue
             self._running[motion] = (stage, note)
-            self.observer.tell(
+            self.observer.on_event(
                 Event(
                     "progress",
                     motion,
@@ -240,6 +240,6 @@ class RecipeRunner:
                 )
             )
 
-    def _tell(self, kind: EventKind, motion: str = "", stage: str = "", detail: str = "", **rest: object) -> None:
-        """Tell the observer of an event."""
-        self.observer.tell(replace(Event(kind, motion, stage, detail), **rest))  # pyright: ignore[reportArgumentType]
+    def _emit(self, kind: EventKind, motion: str = "", stage: str = "", detail: str = "", **rest: object) -> None:
+        """Send an event to the observer."""
+        self.observer.on_event(replace(Event(kind, motion, stage, detail), **rest))  # pyright: ignore[reportArgumentType]

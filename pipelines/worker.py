@@ -13,7 +13,7 @@ from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.pipelines.artefacts import ArtefactRecord
 from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
 from kine2go_warp.pipelines.plan import StagePlan, artefacts_of, plan
-from kine2go_warp.pipelines.stages import Made
+from kine2go_warp.pipelines.stages import StageOutput
 from kine2go_warp.pipelines.workspace import MotionLog
 from kine2go_warp.revision import revision
 
@@ -68,18 +68,18 @@ def run_stage(job: Job, stage: str) -> Outcome:
         return outcome("failed", f"{error.__class__.__name__}: {error}")
 
 
-def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> Made:
+def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
     """Make one artefact."""
-    place, stage = following.place, following.stage
-    assert place is not None
+    slot, stage = following.slot, following.stage
+    assert slot is not None
     started = time.monotonic()
     monitor = Monitor(job, stage.name)
-    with place.making(keep=stage.continues) as folder:
+    with slot.build(keep=stage.resumable) as folder:
         made = stage.make(job, artefacts_of(plans), folder, monitor)
         record = ArtefactRecord(
             stage=stage.name,
             motion=job.motion,
-            inputs=place.inputs,
+            inputs=slot.inputs,
             output=made.output,
             figures=made.figures,
             seconds=round(time.monotonic() - started, 3),
@@ -87,5 +87,5 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> Made:
             software=f"{__version__} {revision()}".strip(),
             machine=f"{platform.node()} {job.device}",
         )
-        place.finish(record)
+        slot.finish(record)
     return made

@@ -1,6 +1,5 @@
 """The folder of a run: what lies where, who may write there, and how results are shown to people."""
 
-import fcntl
 import json
 import os
 import platform
@@ -11,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from kine2go_warp.errors import PipelineError
+from kine2go_warp.files import locked, moved_aside
 
 
 @dataclass(frozen=True)
@@ -71,39 +71,36 @@ class Workspace:
         """Why a motion failed, if it did."""
         return self.root / "progress" / f"{motion}.failed.json"
 
-    def show(self, place: Path, artefact: Path) -> None:
-        """Let a link at ``place`` lead to a part of an artefact; a file of the user's own is set aside."""
-        target = os.path.relpath(artefact, place.parent)
-        if place.is_symlink() and os.readlink(place) == target:  # noqa: PTH115 - compared as text
+    def publish(self, link: Path, artefact: Path) -> None:
+        """Let a link at ``link`` lead to a part of an artefact; a file of the user's own is set aside."""
+        target = os.path.relpath(artefact, link.parent)
+        if link.is_symlink() and os.readlink(link) == target:  # noqa: PTH115 - compared as text
             return
-        place.parent.mkdir(parents=True, exist_ok=True)
-        if place.exists() and not place.is_symlink():
-            place.rename(free_name(place))
-        temporary = place.with_name(f".tmp-{os.getpid()}-{place.name}")
+        link.parent.mkdir(parents=True, exist_ok=True)
+        if link.exists() and not link.is_symlink():
+            moved_aside(link, "older")
+        temporary = link.with_name(f".tmp-{os.getpid()}-{link.name}")
         temporary.unlink(missing_ok=True)
         temporary.symlink_to(target)
-        temporary.replace(place)
+        temporary.replace(link)
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def alone(self) -> Iterator[None]:
         """Keep other runs out of this folder.
 
         Raises:
             PipelineError: another run works here.
         """
         self.root.mkdir(parents=True, exist_ok=True)
-        with (self.root / ".lock").open("a+") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+        lock = self.root / ".lock"
+        with locked(lock) as is_ours:
+            if not is_ours:
                 raise PipelineError(
-                    f"{self.root}: another run works here ({holder_of(self.root / '.lock')}); wait for it, "
+                    f"{self.root}: another run works here ({holder_of(lock)}); wait for it, "
                     "look at it with 'kine2go status', or choose another folder with --out"
-                ) from None
-            file.truncate(0)
+                )
             since = datetime.now(UTC).isoformat(timespec="seconds")
-            file.write(json.dumps({"process": os.getpid(), "machine": platform.node(), "since": since}))
-            file.flush()
+            lock.write_text(json.dumps({"process": os.getpid(), "machine": platform.node(), "since": since}))
             yield
 
 
@@ -137,18 +134,7 @@ def holder_of(lock: Path) -> str:
 def is_locked(root: Path) -> bool:
     """Return whether a run works in a folder now."""
     try:
-        with (root / ".lock").open("r") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        with locked(root / ".lock", shared=True) as is_free:
+            return not is_free
     except FileNotFoundError:
         return False
-    except BlockingIOError:
-        return True
-    return False
-
-
-def free_name(path: Path) -> Path:
-    """Return a name beside a file or folder that nothing has."""
-    number = 1
-    while (found := path.with_name(f"{path.name}.older-{number}")).exists():
-        number += 1
-    return found

@@ -6,6 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+from numpy.typing import NDArray
+
 LEG_JOINTS = ("hip", "thigh", "calf")
 
 
@@ -23,6 +26,45 @@ class Leg:
     """Thigh joint to calf joint, straight down [m]."""
     calf_length: float
     """Calf joint to foot centre, straight down [m]."""
+
+
+FRICTION_STIFFNESS, FRICTION_DAMPING = 200.0, 1.5
+"""Joint friction is a damped spring that slides where its torque would exceed the friction's [N m/rad, N m s/rad].
+
+A joint at rest is thus held without creeping, at most 0.2 degrees from where it stopped. At 240 Hz the explicit
+integration of the lightest joint, 0.015 kg m^2, is stable with twice these values and a motor's damping.
+"""
+
+
+@dataclass(frozen=True)
+class MotorLimits:
+    """Largest torques of the joints' motors at the joints' speed; every field has 12 values."""
+
+    driving: tuple[float, ...]
+    """With the motion, up to ``full_torque_speed``; from there it falls to none at ``no_load_speed`` [N m]."""
+    braking: tuple[float, ...]
+    """Against the motion, at any speed [N m]."""
+    full_torque_speed: tuple[float, ...]
+    """[rad/s]"""
+    no_load_speed: tuple[float, ...]
+    """[rad/s]"""
+
+    @classmethod
+    def constant(cls, effort: tuple[float, ...]) -> "MotorLimits":
+        """Return limits that do not depend on the speed."""
+        endless = (1e6,) * len(effort)
+        return cls(effort, effort, endless, tuple(2.0 * speed for speed in endless))
+
+    def available(self, torque: NDArray, velocity: NDArray) -> NDArray:
+        """Return the largest size of a torque in the direction of ``torque`` [N m], shape [..., 12].
+
+        Args:
+            torque: Its sign tells whether the motor drives or brakes [N m], shape [..., 12].
+            velocity: Joint velocities [rad/s], shape [..., 12].
+        """
+        full, free = np.array(self.full_torque_speed), np.array(self.no_load_speed)
+        share = np.clip((free - np.abs(velocity)) / (free - full), 0.0, 1.0)
+        return np.where(torque * velocity < 0.0, np.array(self.braking), share * np.array(self.driving))
 
 
 @dataclass(frozen=True)
@@ -49,14 +91,22 @@ class RobotSpec:
     """Radius of the head's sphere [m]."""
     thigh_radius: float
     """Radius of the thigh's capsule, which ends at the knee [m]."""
+    calf_radius: float
+    """Radius of the calf's capsule [m]."""
+    calf_span: tuple[float, float]
+    """Beginning and end of the calf capsule's axis below the knee [m]."""
     joint_lower: tuple[float, ...]
     """Lower joint limits [rad], shape [12]."""
     joint_upper: tuple[float, ...]
     """Upper joint limits [rad], shape [12]."""
     joint_effort: tuple[float, ...]
-    """Largest joint torques [N m], shape [12]."""
+    """Largest joint torques by the URDF, whatever the speed [N m], shape [12]."""
     joint_speed: tuple[float, ...]
     """Largest joint speeds [rad/s], shape [12]."""
+    motor_limits: MotorLimits
+    """What the motors give, by speed."""
+    joint_friction: tuple[float, ...]
+    """Coulomb friction of the joints [N m], shape [12]."""
     default_joint_position: tuple[float, ...]
     """Standing pose that actions are offsets from [rad], shape [12]."""
     default_root_height: float
@@ -80,5 +130,7 @@ class RobotSpec:
 
     @cached_property
     def model_hash(self) -> str:
-        """SHA-256 of the URDF, to tell which model a dataset was made with."""
-        return hashlib.sha256(self.urdf.read_bytes()).hexdigest()
+        """SHA-256 of the compiled model's numbers and the motors', to tell which model a dataset was made with."""
+        from kine2go_warp.robots.compiled import model_parts
+
+        return hashlib.sha256(repr(sorted(model_parts(self).items())).encode()).hexdigest()

@@ -55,6 +55,12 @@ class UrdfReader:
         """Return a dimension of the first collision shape of a kind (``sphere``, ``cylinder``) of a link [m]."""
         return float(self.find(f"link[@name='{link}']/collision/geometry/{shape}").attrib[attribute])
 
+    def capsule_span(self, link: str) -> tuple[float, float]:
+        """Return beginning and end of the axis of a link's capsule, a cylinder here, below the link's origin [m]."""
+        radius, length = (self.collision(link, "cylinder", name) for name in ("radius", "length"))
+        middle = -float(self.find(f"link[@name='{link}']/collision/origin").attrib["xyz"].split()[2])
+        return middle - 0.5 * length + radius, middle + 0.5 * length - radius
+
     def collision_vector(self, name: str, element: str, attribute: str) -> tuple[float, float, float]:
         """Return a vector of the collision shape of that name, such as its origin's ``xyz`` [m]."""
         text = self.find(f".//collision[@name='{name}']/{element}").attrib[attribute]

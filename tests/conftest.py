@@ -45,6 +45,8 @@ ANYTHING_GOES = {
     "max_action_saturation": 2.0,
     "max_foot_slip": 99.0,
     "max_joint_jerk": 1e9,
+    "max_joint_speed": 99.0,
+    "max_leg_overlap": 9.0,
 }
 """Limits of gathering that only a fall exceeds: a policy after three iterations drifts far."""
 

@@ -43,8 +43,10 @@ class Check:
         from rich.console import Console
         from rich.progress import Progress, TextColumn
 
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checks.run import check_dataset
         from kine2go_warp.robots import GO2
+        from kine2go_warp.scores.report import robot_note
 
         errors = Console(stderr=True)
         with Progress(*Progress.get_default_columns(), TextColumn("{task.fields[motion]}"), console=errors,
@@ -60,6 +62,8 @@ class Check:
             print(json.dumps(report.to_json(), indent=2, allow_nan=False))
         else:
             print_report(report)
+            if note := robot_note(open_dataset(self.dataset), GO2):
+                errors.print(f"remark: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0 if report.is_clean else FOUND
 
 

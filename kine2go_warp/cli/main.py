@@ -22,7 +22,7 @@ from kine2go_warp.cli.review_command import Review
 from kine2go_warp.cli.run_command import Demo, Run, Status
 from kine2go_warp.cli.score_command import Score
 from kine2go_warp.cli.sim2sim_command import Sim2Sim
-from kine2go_warp.cli.train_command import Train, default_train
+from kine2go_warp.cli.train_command import REGISTRY, Train, default_train
 from kine2go_warp.errors import Kine2GoError, explain
 
 Command = (
@@ -70,6 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             description="From quadruped motion clips to state-action data for the Unitree Go2.",
             args=arguments,
             config=(tyro.conf.OmitSubcommandPrefixes,),
+            registry=REGISTRY,
         )
         return command.run()
     except Kine2GoError as error:

@@ -37,6 +37,8 @@ class Replay:
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.device import choose_device
         from kine2go_warp.errors import DatasetError
+        from kine2go_warp.robots import GO2
+        from kine2go_warp.robots.compiled import model_difference
         from kine2go_warp.rollouts.replay import replay_motion
 
         if self.count < 1:
@@ -47,6 +49,8 @@ class Replay:
         results: list[tuple[str, str, list[ReplayResult]]] = []
         for motion in track(motions, "replaying", console=output, transient=True, disable=not output.is_terminal):
             opened = dataset.motion(motion)
+            if note := model_difference(opened.attributes, GO2):
+                output.print(f"{motion}: made with another robot model ({note})")
             gathered_on = str(opened.attributes.get("device", "cpu"))
             device = choose_device(self.device or gathered_on)
             chosen = list(range(min(self.count, len(opened.lengths))))

@@ -35,7 +35,7 @@ class PlainLines(RunObserver):
     ) -> None:
         """Nothing is left to end."""
 
-    def tell(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Write a line, if it is time."""
         if event.kind == "progress":
             now = time.monotonic()
@@ -50,7 +50,7 @@ class PlainLines(RunObserver):
 class JsonLines(PlainLines):
     """One JSON object a line on standard output, with the time of day."""
 
-    def tell(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Write the event."""
         values = {
             "time": time.time(),
@@ -77,14 +77,14 @@ class LiveTable(RunObserver):
     ) -> None:
         self._live.stop()
 
-    def tell(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Take in an event."""
         if event.kind in ("stage_started", "progress"):
             self._now[event.motion] = event
         elif event.motion:
             self._now.pop(event.motion, None)
         if event.kind not in ("stage_started", "stage_finished", "progress"):
-            self._lines.tell(event)
+            self._lines.on_event(event)
 
     def _table(self) -> Table:
         """Return the table as it is now."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -9,8 +10,9 @@ import tyro
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, find_preset
-from kine2go_warp.settings import to_dictionary, to_toml
+from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
+from kine2go_warp.settings import are_named, are_pairs, from_dictionary, to_dictionary
+from kine2go_warp.toml import place_in, read_toml, to_toml
 
 Positional = tyro.conf.Positional
 
@@ -93,7 +95,7 @@ class Train:
         folder = self.out or Path("runs/policies") / name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
         watch = watching(name, self.rerun, self.rerun_web, self.rerun_save)
-        with StopRequest(message) as stop, watch as audience, Progress() as progress:
+        with StopRequest(message) as stop, watch as observer, Progress() as progress:
             progress.stage(name, "train")
             record = train(
                 clips,
@@ -106,7 +108,7 @@ class Train:
                 self.strict,
                 stop,
                 progress.note,
-                audience,
+                observer,
             )
         print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
         return 0
@@ -118,14 +120,14 @@ def default_train(arguments: Sequence[str]) -> Train:
     Raises:
         Kine2GoError: there is no such preset or file, or a setting in the file is wrong.
     """
-    from kine2go_warp.pipelines.recipe import read_toml, train_section
-
     preset, config = option(arguments, "--preset"), option(arguments, "--config")
-    if config is None:
-        found = find_preset(preset or FAST.preset)
-    else:
+    found = find_preset(preset or FAST.preset)
+    if config is not None:
         values, text = read_toml(Path(config))
-        found = train_section(values, config, text, preset)
+        section, locate = values.get("train", {}), partial(place_in, text)
+        base = found if preset else base_preset(section, config, locate=locate)
+        section = {**section, "preset": base.preset} if isinstance(section, dict) else section
+        found = from_dictionary(Preset, section, config, locate=lambda key: locate(f"train.{key}"), base=base)
     return Train(preset=found.preset, env=found.env, ppo=found.ppo)
 
 
@@ -137,3 +139,22 @@ def option(arguments: Sequence[str], name: str) -> str | None:
         if argument.startswith(f"{name}="):
             return argument.partition("=")[2]
     return None
+
+
+REGISTRY = tyro.constructors.ConstructorRegistry()
+"""How options name the parts of settings that are addressed by name."""
+
+
+@REGISTRY.struct_rule
+def by_name(info: tyro.constructors.StructTypeInfo) -> tyro.constructors.StructConstructorSpec | None:
+    """Give a tuple of named records, or of pairs of a name and a number, an option for each of its parts."""
+    if are_pairs(info.default):
+        parts = [(name, float, value) for name, value in info.default]
+    elif are_named(info.default):
+        parts = [(one.name, type(one), one) for one in info.default]
+    else:
+        return None
+    return tyro.constructors.StructConstructorSpec(
+        instantiate=lambda **values: tuple(values.items()) if are_pairs(info.default) else tuple(values.values()),
+        fields=tuple(tyro.constructors.StructFieldSpec(name, kind, value) for name, kind, value in parts),
+    )

@@ -52,6 +52,7 @@ ROW_ARRAYS = (
     ArraySpec("joint_target", (*_FRAME, "joint"), "rad", "commanded joint position"),
     ArraySpec("joint_torque", (*_FRAME, "joint"), "N m", "torque applied in the last physics substep"),
     ArraySpec("leg_contact", _FRAME, "1", "1 where a thigh or calf touches the ground, else 0"),
+    ArraySpec("leg_distance", _FRAME, "m", "least distance of a leg from another, the trunk or the head; < 0: overlap"),
     ArraySpec("push", (*_FRAME, "axis"), "m/s", "velocity that a push adds to the base right after this row, world"),
     ArraySpec("phase", _FRAME, "1", "place in the reference cycle, in [0, 1)"),
     ArraySpec("cycle", _FRAME, "1", "whole reference cycles passed"),
@@ -74,7 +75,8 @@ TRAJECTORY_ARRAYS = (
 
 _QUALITY = (
     "joint_rmse", "root_error", "root_angle", "foot_error", "largest_root_error", "largest_root_angle", "leg_contact",
-    "joint_limit", "torque_saturation", "action_saturation", "foot_slip", "joint_jerk",
+    "joint_limit", "torque_saturation", "action_saturation", "foot_slip", "joint_jerk", "joint_speed",
+    "leg_overlap",
 )  # fmt: skip
 
 QUALITY_ARRAYS = (
@@ -98,6 +100,7 @@ INITIAL_STATE_ARRAYS = (
     ArraySpec("target_queue", ("trajectory", "slot", "joint"), "rad", "joint targets on their way to the motors"),
     ArraySpec("reference_step", ("trajectory",), "1", "control steps since the rollout began", "int32"),
     *(per_trajectory(parameter.state) for parameter in RANDOMIZED_PARAMETERS),
+    ArraySpec("friction_anchor", ("trajectory", "joint"), "rad", "where the spring of a joint's friction is slack"),
 )
 """Everything that simulator and motors need to go on from the first kept row."""
 

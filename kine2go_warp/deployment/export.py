@@ -237,6 +237,8 @@ def describe(
         history_rule=HISTORY_RULE,
         clips=clips,
         parity=parity,
+        motor_limits=spec.motor_limits if config.motor.torque_speed else None,
+        joint_friction=config.motor.joint_friction(spec),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.robots import MotorLimits
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 FORMAT_VERSION = 2
@@ -32,8 +33,9 @@ HISTORY_RULE = (
     "output, before scale and clip."
 )
 TORQUE_RULE = (
-    "torque = stiffness * (joint target - joint position) - damping * joint velocity, limited to +-torque_limit, at "
-    "physics_rate; a joint target rules from latency after the observation that it was computed from."
+    "torque = stiffness * (joint target - joint position) - damping * joint velocity, limited to +-torque_limit, or by "
+    "motor_limits where they are given, at physics_rate; a joint target rules from latency after the observation that "
+    "it was computed from."
 )
 
 
@@ -112,7 +114,7 @@ class PolicyMetadata:
     """Hash of clips and settings of the training."""
     robot: str
     robot_model_sha256: str
-    """Of the URDF."""
+    """Of the compiled model's numbers."""
     joint_names: tuple[str, ...]
     sdk_motor_order: tuple[str, ...]
     """The joints in the order of the manufacturer's motor interface."""
@@ -142,6 +144,10 @@ class PolicyMetadata:
     history_rule: str
     clips: tuple[ReferenceClip, ...]
     parity: Parity
+    motor_limits: MotorLimits | None = None
+    """Torque limits by the joint's speed, where the training had them."""
+    joint_friction: tuple[float, ...] = ()
+    """Coulomb friction of the simulated joints [N m]; a controller need not add it."""
 
     @property
     def observation_size(self) -> int:

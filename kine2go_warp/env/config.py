@@ -16,6 +16,7 @@ from kine2go_warp.env.terms.observations import (
 )
 from kine2go_warp.env.terms.rewards import REWARDS, RewardTerm
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.robots import MotorLimits, RobotSpec
 from kine2go_warp.settings import check_ranges
 
 CPU_WORLDS, CUDA_WORLDS = 256, 4096
@@ -51,9 +52,21 @@ class MotorConfig:
     """[N m/rad]"""
     damping: float = 1.5
     """[N m s/rad]"""
+    torque_speed: bool = True
+    """Torques end where the motors' do at the joint's speed. Without it the URDF's limits hold at any speed."""
+    friction: float = 0.0
+    """Coulomb friction of the joints, as a multiple of what was measured on the robot; the paper has none."""
+
+    def limits(self, spec: RobotSpec) -> MotorLimits:
+        """Return the largest torques of a robot's motors."""
+        return spec.motor_limits if self.torque_speed else MotorLimits.constant(spec.joint_effort)
+
+    def joint_friction(self, spec: RobotSpec) -> tuple[float, ...]:
+        """Return the friction of a robot's joints [N m], shape [12]."""
+        return tuple(self.friction * torque for torque in spec.joint_friction)
 
     def __post_init__(self) -> None:
-        check_ranges(self, stiffness=(0, INFINITE), damping=(0, INFINITE))
+        check_ranges(self, stiffness=(0, INFINITE), damping=(0, INFINITE), friction=(0, INFINITE))
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,8 @@ class RandomizationConfig:
     """Factor on the torque of the motors, drawn for each episode."""
     motor_offset: Range = ()
     """Error of the motors' zero angle [rad], drawn for each episode."""
+    joint_friction: Range = ()
+    """Factor on the joints' friction, drawn for each episode."""
     latency: Range = ()
     """Time from an action to its effect at the motors, rounded to physics substeps [s], drawn for each episode."""
     push_interval: Range = ()
@@ -135,7 +150,16 @@ class RandomizationConfig:
         for name, limits in vars(self).items():
             if len(limits) not in (0, 2) or (limits and not limits[0] <= limits[1]):
                 raise Kine2GoError(f"{name} is {list(limits)}; it must be empty or [least, greatest]")
-        for name in ("friction", "stiffness", "damping", "strength", "latency", "push_interval", "push_speed"):
+        for name in (
+            "friction",
+            "stiffness",
+            "damping",
+            "strength",
+            "joint_friction",
+            "latency",
+            "push_interval",
+            "push_speed",
+        ):
             if any(value < 0.0 for value in getattr(self, name)):
                 raise Kine2GoError(f"{name} is {list(getattr(self, name))}; it must not be negative")
         if bool(self.push_interval) != bool(self.push_speed):
@@ -214,6 +238,8 @@ class SolverConfig:
     """Capacity of the constraint buffer for each world. By default 48 on flat ground, else 96."""
     friction: float = 0.8
     """Coefficient of friction between robot and floor."""
+    self_contact: bool = False
+    """Whether the robot's shapes collide with one another, not with the ground alone; more contacts to solve."""
     stop_time: float = 0.01
     """Time constant of the joints' stops [s], which are critically damped whatever the inertia; at least two physics
     steps. A joint at the motors' full speed goes 0.08 rad beyond its limit."""
@@ -221,6 +247,7 @@ class SolverConfig:
     def __post_init__(self) -> None:
         check_ranges(self, iterations=(1, 1e4), line_search_iterations=(1, 1e4), tolerance=(0, 1))
         check_ranges(self, max_contacts=(1, 1e6), max_constraints=(1, 1e6), friction=(0, INFINITE))
+        check_ranges(self, stop_time=(1e-4, 1.0))
 
 
 @dataclass(frozen=True)
@@ -323,12 +350,12 @@ class EnvConfig:
     @property
     def max_contacts(self) -> int:
         """Capacity of the contact buffer for each world."""
-        return self.solver.max_contacts or (14 if self.terrain.is_flat else 24)
+        return self.solver.max_contacts or (14 if self.terrain.is_flat else 24) + 10 * self.solver.self_contact
 
     @property
     def max_constraints(self) -> int:
         """Capacity of the constraint buffer for each world."""
-        return self.solver.max_constraints or (48 if self.terrain.is_flat else 96)
+        return self.solver.max_constraints or (48 if self.terrain.is_flat else 96) + 32 * self.solver.self_contact
 
     @property
     def delay_substeps(self) -> int:

@@ -10,10 +10,12 @@ import numpy as np
 import warp as wp
 
 from kine2go_warp.env.config import EnvConfig, SolverConfig
+from kine2go_warp.env.mujoco_engine import FLOOR_FRICTION
 from kine2go_warp.env.terrain import HeightField
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.kernels.contacts import ROLE_BODY, ROLE_IGNORED, ROLE_LEG
 from kine2go_warp.kernels.kinematics import LegGeometry
+from kine2go_warp.kernels.leg_distance import BodyShapes
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.urdf import merge_fixed_links
 
@@ -22,9 +24,6 @@ NO_DAMPING = int(mujoco_warp.DisableBit.EULERDAMP)
 
 SOLREF_AS_GIVEN = 1
 """Newton's mode in which a joint limit takes MuJoCo's time constant and damping ratio as they are."""
-
-FLOOR_FRICTION = 1e-3
-"""Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
 
 
 def build_model(spec: RobotSpec, config: EnvConfig, ground: HeightField, device: wp.Device) -> newton.Model:
@@ -58,7 +57,7 @@ def robot_builder(spec: RobotSpec, config: SolverConfig) -> newton.ModelBuilder:
     # Without it the solver lists every shape within 0.1 m of the floor as a contact.
     builder.default_shape_cfg.gap = 0.0
     builder.default_joint_cfg.armature = spec.armature
-    builder.add_urdf(collision_urdf(spec), floating=True, enable_self_collisions=False)
+    builder.add_urdf(collision_urdf(spec), floating=True, enable_self_collisions=config.self_contact)
     for shape, kind in enumerate(builder.shape_type):
         if kind == newton.GeoType.CYLINDER:
             radius, half_length, _ = builder.shape_scale[shape]
@@ -168,17 +167,27 @@ def leg_geometry(spec: RobotSpec, device: wp.Device) -> LegGeometry:  # pyright:
     return geometry
 
 
+def body_shapes(spec: RobotSpec) -> BodyShapes:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+    """Return the shapes of legs, trunk and head for kernels."""
+    shapes = BodyShapes()
+    shapes.thigh_radius, shapes.calf_radius = spec.thigh_radius, spec.calf_radius
+    shapes.calf_top, shapes.calf_bottom = spec.calf_span
+    shapes.trunk_half = wp.vec3(*(0.5 * edge for edge in spec.trunk_size))
+    shapes.head_centre, shapes.head_radius = wp.vec3(*spec.head_centre), spec.head_radius
+    return shapes
+
+
 @dataclass(frozen=True)
 class SpecArrays:
     """The robot's constants on the device, each of shape [12]."""
 
+    spec: RobotSpec
     default_position: wp.array
     joint_lower: wp.array
     joint_upper: wp.array
-    effort: wp.array
 
     @classmethod
     def upload(cls, spec: RobotSpec, device: wp.Device) -> "SpecArrays":
         """Copy the constants to a device."""
-        values = (spec.default_joint_position, spec.joint_lower, spec.joint_upper, spec.joint_effort)
-        return cls(*(wp.array(value, dtype=float, device=device) for value in values))
+        values = (spec.default_joint_position, spec.joint_lower, spec.joint_upper)
+        return cls(spec, *(wp.array(value, dtype=float, device=device) for value in values))

@@ -1,5 +1,6 @@
 """The motors of all worlds: from the policy's action to joint torques."""
 
+import numpy as np
 import warp as wp
 
 from kine2go_warp.env.config import EnvConfig
@@ -8,6 +9,7 @@ from kine2go_warp.kernels import actuation
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.reference import Placement, ReferenceClips
 from kine2go_warp.kernels.state import NUM_JOINTS
+from kine2go_warp.robots.spec import FRICTION_DAMPING, FRICTION_STIFFNESS
 
 
 class Motors:
@@ -26,6 +28,12 @@ class Motors:
         self.model.strength = wp.full(shape, 1.0, dtype=float)
         self.model.offset = wp.zeros(shape, dtype=float)
         self.model.delay = wp.full(config.num_worlds, config.delay_substeps, dtype=int)
+        for name, values in vars(config.motor.limits(constants.spec)).items():
+            setattr(self.model, name, wp.array(values, dtype=float))
+        self.nominal_friction = wp.array(config.motor.joint_friction(constants.spec), dtype=float)
+        self.model.friction = wp.array(np.tile(self.nominal_friction.numpy(), (config.num_worlds, 1)), dtype=float)
+        self.model.friction_anchor = wp.zeros(shape, dtype=float)
+        self.model.friction_stiffness, self.model.friction_damping = FRICTION_STIFFNESS, FRICTION_DAMPING
 
     def set_targets(
         self,
@@ -88,7 +96,6 @@ class Motors:
                 substep,
                 self.config.substeps,
                 self.model,
-                self.constants.effort,
                 joint_force,
                 self.torque,
             ],

@@ -1,54 +1,71 @@
-"""The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against."""
+"""The same robot in plain MuJoCo, the C engine: one world at a time, to check the batched simulation against.
+
+Its model is compiled by MuJoCo itself from URDF and ``RobotSpec``; nothing of Newton's importer is in it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco as mujoco_package
-import newton
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.model import FLOOR_FRICTION, build_solver, robot_builder
-from kine2go_warp.env.simulation import Simulation
-from kine2go_warp.robots import RobotSpec
-
-mujoco: Any = mujoco_package
-"""The package without its types: it names its compiled classes in a way that type checkers do not see."""
+from kine2go_warp.robots import MotorLimits, RobotSpec
+from kine2go_warp.robots.compiled import mujoco, robot_tree
+from kine2go_warp.robots.spec import FRICTION_DAMPING, FRICTION_STIFFNESS
 
 FIRST_DOF = 6
 """Velocities of the base come first."""
 
+FLOOR_FRICTION = 1e-3
+"""Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
 
-def mujoco_model(simulation: Simulation, config: EnvConfig) -> Any:
-    """Return the model of one world for the C engine, with the same options.
 
-    It is compiled by MuJoCo from what Newton read from the robot's URDF.
-    """
-    model = simulation.solver.mj_model
-    model.opt.timestep = config.substep_duration
-    return model
+def world_tree(spec: RobotSpec, config: EnvConfig) -> Any:
+    """Return the robot on a plane with the solver's options, as MuJoCo's editable specification."""
+    solver, tree = config.solver, robot_tree(spec)
+    for name in spec.joint_names:
+        tree.joint(name).solref_limit = [solver.stop_time, 1.0]
+    for geom in tree.geoms:
+        geom.friction[0] = solver.friction
+        geom.contype, geom.conaffinity = 1, int(solver.self_contact)
+    tree.worldbody.add_geom(
+        name="ground",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[5.0, 5.0, 5.0],
+        friction=[FLOOR_FRICTION, 0.005, 0.0001],
+        contype=0,
+        conaffinity=1,
+    )
+    option = tree.option
+    option.timestep = config.substep_duration
+    option.iterations, option.ls_iterations = solver.iterations, solver.line_search_iterations
+    option.tolerance = solver.tolerance
+    # Joints have no damping that Euler's integrator would have to solve for.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    return tree
+
+
+def mujoco_model(spec: RobotSpec, config: EnvConfig) -> Any:
+    """Return the model of one world for the C engine, with the options of the batched solver."""
+    return world_tree(spec, config).compile()
 
 
 def position_driven_model(spec: RobotSpec, config: EnvConfig) -> Any:
     """Return the model for the C engine with the PD law as MuJoCo's own actuators, controlled by joint targets [rad].
 
-    It differs from the environment in that the damping of the motors is integrated implicitly.
+    It differs from the environment in that the damping of the motors is integrated implicitly, in that the joints'
+    friction is a row of the solver, and in that torque limits do not depend on the speed.
     """
-    builder = robot_builder(spec, config.solver)
-    for dof in range(FIRST_DOF, FIRST_DOF + 12):
-        builder.joint_target_mode[dof] = int(newton.JointTargetMode.POSITION)
-        builder.joint_target_ke[dof] = config.motor.stiffness
-        builder.joint_target_kd[dof] = config.motor.damping
-    scene = newton.ModelBuilder()
-    scene.add_world(builder)
-    scene.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=FLOOR_FRICTION, gap=0.0))
-    model = build_solver(scene.finalize(device="cpu"), config).mj_model
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model.opt.timestep = config.substep_duration
-    return model
+    tree = world_tree(spec, config)
+    tree.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for name, friction in zip(spec.joint_names, config.motor.joint_friction(spec), strict=True):
+        tree.joint(name).frictionloss = friction
+        actuator = tree.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_position(kp=config.motor.stiffness, kv=config.motor.damping)
+    return tree.compile()
 
 
 @dataclass(frozen=True)
@@ -65,9 +82,13 @@ class MotorState:
     """Error of the zero angle [rad], shape [12]."""
     delay: int
     """Latency [physics substeps]."""
+    limits: MotorLimits
+    """Largest torques."""
+    friction: NDArray
+    """Coulomb friction of the joints [N m], shape [12]."""
 
     @classmethod
-    def nominal(cls, config: EnvConfig) -> "MotorState":
+    def nominal(cls, config: EnvConfig, spec: RobotSpec) -> "MotorState":
         """Return what holds where nothing is drawn."""
         return cls(
             np.full(12, config.motor.stiffness),
@@ -75,49 +96,61 @@ class MotorState:
             np.ones(12),
             np.zeros(12),
             config.delay_substeps,
+            config.motor.limits(spec),
+            np.array(config.motor.joint_friction(spec)),
         )
 
 
 class MujocoRobot:
-    """A robot driven by joint targets, as in the environment: PD law, latency and torque limits.
+    """A robot driven by joint targets, as in the environment: PD law, latency, torque limits and joint friction.
 
     States are in the environment's own form: ``joint_q`` (base origin [m], orientation x, y, z, w, joints [rad]),
     shape [19], and ``joint_qd`` (velocity of the base's centre of mass [m/s] and angular velocity [rad/s], both in the
     world frame, joint velocities [rad/s]), shape [18].
     """
 
-    def __init__(
-        self, simulation: Simulation, config: EnvConfig, spec: RobotSpec, motors: MotorState | None = None
-    ) -> None:
-        """Make the robot of world 0 of a simulation; its motors are nominal unless given."""
-        self.model = mujoco_model(simulation, config)
+    def __init__(self, config: EnvConfig, spec: RobotSpec, motors: MotorState | None = None) -> None:
+        """Compile the robot; its motors are nominal unless given."""
+        self.model = mujoco_model(spec, config)
         self.data = mujoco.MjData(self.model)
-        self.substeps, self.effort = config.substeps, np.array(spec.joint_effort)
-        self.motors = motors or MotorState.nominal(config)
-        self.torque = np.zeros(12)
+        self.substeps = config.substeps
+        self.motors = motors or MotorState.nominal(config, spec)
+        self.torque, self.friction_anchor = np.zeros(12), np.zeros(12)
+        self.base = self.model.body(spec.base_link).id
         self._targets: list[NDArray] = []
 
     @property
     def com_b(self) -> NDArray:
         """Centre of mass of the base, base frame [m]."""
-        return np.array(self.model.body_ipos[1])
+        return np.array(self.model.body_ipos[self.base])
 
-    def set_body(self, mass: float, com_b: NDArray, friction: float, geom_role: NDArray) -> None:
+    @property
+    def touches_ground(self) -> bool:
+        """Whether base or head touches the ground."""
+        bodies = self.model.geom_bodyid[self.data.contact.geom[self.data.contact.efc_address >= 0]]
+        return bool((np.sort(bodies, axis=-1) == (0, self.base)).all(axis=-1).any())
+
+    def set_body(self, mass: float, com_b: NDArray, friction: float) -> None:
         """Give the robot another base, and friction with the ground.
 
         Args:
             mass: Of the base [kg]; its inertia grows in proportion.
             com_b: Its centre of mass [m].
             friction: Coefficient of friction.
-            geom_role: What each shape is; those of the robot are not negative.
         """
-        self.model.body_inertia[1] *= mass / self.model.body_mass[1]
-        self.model.body_mass[1] = mass
-        self.model.body_ipos[1] = com_b
-        self.model.geom_friction[geom_role >= 0, 0] = friction
+        self.model.body_inertia[self.base] *= mass / self.model.body_mass[self.base]
+        self.model.body_mass[self.base] = mass
+        self.model.body_ipos[self.base] = com_b
+        self.model.geom_friction[self.model.geom_bodyid > 0, 0] = friction
         mujoco.mj_setConst(self.model, self.data)
 
-    def set_state(self, joint_q: NDArray, joint_qd: NDArray, targets: Sequence[NDArray] | None = None) -> None:
+    def set_state(
+        self,
+        joint_q: NDArray,
+        joint_qd: NDArray,
+        targets: Sequence[NDArray] | None = None,
+        friction_anchor: NDArray | None = None,
+    ) -> None:
         """Place the robot.
 
         Args:
@@ -125,6 +158,8 @@ class MujocoRobot:
             joint_qd: Velocities.
             targets: Joint targets that are on their way to the motors, one for each substep of the latency, the next
                 one first; by default the motors hold the joints where they are.
+            friction_anchor: Joint positions at which the springs of the friction are slack [rad], shape [12]; by
+                default those of the robot.
         """
         orientation = Rotation.from_quat(np.asarray(joint_q[3:7], np.float64))
         angular = np.asarray(joint_qd[3:6], np.float64)
@@ -136,6 +171,8 @@ class MujocoRobot:
         self.data.qvel[3:6] = orientation.inv().apply(angular)
         self.data.qvel[FIRST_DOF:] = joint_qd[6:]
         held = [np.asarray(joint_q[7:], np.float64)] * self.motors.delay
+        anchor = joint_q[7:] if friction_anchor is None else friction_anchor
+        self.friction_anchor = np.array(anchor, np.float64)
         self._targets = held if targets is None else [np.asarray(target, np.float64) for target in targets]
 
     def push(self, velocity: NDArray) -> None:
@@ -152,12 +189,18 @@ class MujocoRobot:
 
     def step(self, joint_target: NDArray) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
-        motors = self.motors
+        motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
         for _ in range(self.substeps):
             # One target a substep: the first in the queue was commanded the latency ago.
             self._targets.append(np.asarray(joint_target, np.float64))
-            error = self._targets.pop(0) + motors.offset - self.data.qpos[7:]
-            demand = motors.stiffness * error - motors.damping * self.data.qvel[FIRST_DOF:]
-            self.torque = np.clip(motors.strength * demand, -self.effort, self.effort)
-            self.data.qfrc_applied[FIRST_DOF:] = self.torque
+            position, velocity = self.data.qpos[7:].copy(), self.data.qvel[FIRST_DOF:].copy()
+            error = self._targets.pop(0) + motors.offset - position
+            demand = motors.strength * (motors.stiffness * error - motors.damping * velocity)
+            limit = motors.limits.available(demand, velocity)
+            self.torque = np.clip(demand, -limit, limit)
+            stretch = np.clip(position - self.friction_anchor, -reach, reach)
+            self.friction_anchor = position - stretch
+            friction = -FRICTION_STIFFNESS * stretch - FRICTION_DAMPING * velocity
+            friction = np.clip(friction, -motors.friction, motors.friction)
+            self.data.qfrc_applied[FIRST_DOF:] = self.torque + friction
             mujoco.mj_step(self.model, self.data)

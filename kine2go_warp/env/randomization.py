@@ -27,8 +27,13 @@ def parameter_arrays(motors: Motors, bodies: Bodies) -> dict[str, wp.array]:
         "damping": model.damping,
         "strength": model.strength,
         "motor_offset": model.offset,
+        "joint_friction": model.friction,
         "delay": model.delay,
     }
+
+
+MOTOR_PARAMETERS = ("stiffness", "damping", "strength", "motor_offset", "joint_friction", "latency")
+"""Those that are drawn together."""
 
 
 class Randomization:
@@ -53,6 +58,7 @@ class Randomization:
         self.motor_ranges.damping = wp.vec2(*chosen("damping", 1.0))
         self.motor_ranges.strength = wp.vec2(*chosen("strength", 1.0))
         self.motor_ranges.offset = wp.vec2(*chosen("motor_offset", 0.0))
+        self.motor_ranges.friction = wp.vec2(*chosen("joint_friction", 1.0))
         self.motor_ranges.delay = wp.vec2(*(float(value) for value in self.config.delay_range))
         self.friction_range = wp.vec2(*chosen("friction", self.config.solver.friction))
         steps = [max(value * self.config.control_rate, 1.0) for value in chosen("push_interval", 1.0)]
@@ -70,8 +76,9 @@ class Randomization:
         """Draw what lasts for an episode, in every world that is done."""
         settings, motor, num_worlds = self.settings, self.config.motor, self.config.num_worlds
         drawn = self.episodes.reset_inputs
-        if settings.stiffness or settings.damping or settings.strength or settings.motor_offset or settings.latency:
-            inputs = [*drawn, self.motor_ranges, motor.stiffness, motor.damping, self.motors.model]
+        if any(getattr(settings, name) for name in MOTOR_PARAMETERS):
+            nominal = [motor.stiffness, motor.damping, self.motors.nominal_friction]
+            inputs = [*drawn, self.motor_ranges, *nominal, self.motors.model]
             wp.launch(randomization.draw_motors, dim=num_worlds, inputs=inputs)
         if settings.friction:
             inputs = [*drawn, self.friction_range, self.bodies.friction]

@@ -25,6 +25,7 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
         "target_queue": motors.target_queue,
         "last_action": environment.last_action,
         **parameter_arrays(motors, randomization.bodies),
+        "friction_anchor": motors.model.friction_anchor,
         "next_push": randomization.next_push,
         "seed": episodes.seed,
         "episode": episodes.episode,

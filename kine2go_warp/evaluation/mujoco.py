@@ -1,11 +1,10 @@
 """Rollouts of an exported policy in plain MuJoCo, the C engine: nothing of Newton's runs, and none of the kernels."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -14,13 +13,10 @@ from kine2go_warp.deployment.observer import MeasuredState
 from kine2go_warp.deployment.rotations import matrix_of
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
-from kine2go_warp.env.simulation import Simulation
-from kine2go_warp.env.terrain import FLAT
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.kernels.contacts import ROLE_BODY
 from kine2go_warp.kernels.terminations import REASON_NAMES
-from kine2go_warp.robots import GO2, RobotSpec
+from kine2go_warp.robots import GO2, MotorLimits, RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.rollout import InitialStates, RecordedRollouts, Rows
 
@@ -42,11 +38,11 @@ class MujocoRollouts:
     """Lets an exported policy drive one robot after the other in plain MuJoCo."""
 
     def __init__(self, policy: ExportedPolicy, trained: EnvConfig, config: EvalConfig, spec: RobotSpec = GO2) -> None:
-        """Build the model: robot, ground and options are those of a world in Newton.
+        """Compile the model from URDF and specification.
 
         Args:
-            policy: The policy; gains, torque limits, rates and latency are those that its metadata tell.
-            trained: Settings of the training, for friction and the options of the solver.
+            policy: The policy; gains, torque limits, joint friction, rates and latency are those of its metadata.
+            trained: Settings of the training, for ground friction and the options of the solver.
             config: Settings of the evaluation.
             spec: The robot.
 
@@ -60,18 +56,16 @@ class MujocoRollouts:
         metadata = policy.metadata
         self.policy, self.config, self.spec = policy, config, spec
         self.num_rows = config.rows(metadata.control_rate)
-        settings = replace(trained, num_worlds=1)
-        with wp.ScopedDevice("cpu"):
-            simulation = Simulation(spec, settings, FLAT, wp.get_device("cpu"))
-        self.is_body = simulation.geom_role.numpy() == int(ROLE_BODY)
         motors = MotorState(
             stiffness=np.full(12, metadata.stiffness),
             damping=np.full(12, metadata.damping),
             strength=np.ones(12),
             offset=np.zeros(12),
             delay=metadata.latency_substeps,
+            limits=metadata.motor_limits or MotorLimits.constant(metadata.torque_limit),
+            friction=np.array(metadata.joint_friction or (0.0,) * 12),
         )
-        self.robot = MujocoRobot(simulation, settings, replace(spec, joint_effort=metadata.torque_limit), motors)
+        self.robot = MujocoRobot(trained, spec, motors)
 
     def run(
         self, clip: int, initial: InitialStates, on_rollout: Callable[[int], None] | None = None
@@ -145,7 +139,7 @@ class MujocoRollouts:
         reason = "none"
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
             reason = "non_finite"
-        elif self.is_body[data.contact.geom[data.contact.efc_address >= 0]].any():
+        elif self.robot.touches_ground:
             reason = "body_contact"
         elif np.linalg.norm(state.root_position - root.position) > self.config.max_distance:
             reason = "distance"

@@ -1,5 +1,6 @@
 """Named settings for training: the paper's table, minutes instead of hours, and those with domain randomisation."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -161,7 +162,7 @@ FAST = Preset(
         num_worlds=0,
         episode_time=10.0,
         action=ActionConfig(mode="residual_ff"),
-        motor=MotorConfig(stiffness=60.0, damping=2.0),
+        motor=MotorConfig(stiffness=60.0, damping=2.0, friction=1.0),
         reset=GENTLE_START,
         termination=TerminationConfig(max_distance=0.4, max_angle=1.0),
     ),
@@ -190,6 +191,7 @@ ROBUST = replace(
             damping=(0.9, 1.1),
             strength=(0.9, 1.1),
             motor_offset=(-0.02, 0.02),
+            joint_friction=(0.6, 1.4),
             latency=(0.01, 0.03),
             push_interval=(3.0, 6.0),
             push_speed=(0.1, 0.5),
@@ -218,3 +220,27 @@ def find_preset(name: str) -> Preset:
     if not isinstance(found, Preset):
         raise Kine2GoError(f"{file}: '{attribute}' is no Preset")
     return replace(found, preset=f"{Path(file).resolve()}:{attribute}")
+
+
+def base_preset(
+    section: Any,
+    where: str,
+    error: type[Kine2GoError] = Kine2GoError,
+    locate: Callable[[str], str] = lambda _: "",
+) -> Preset:
+    """Return the preset that the section ``train`` of a file names, ``fast`` if it names none.
+
+    Args:
+        section: What the file holds there, which may be anything.
+        where: Name of the file.
+        error: Type of error to raise.
+        locate: Returns what the message adds to ``where`` for a key.
+
+    Raises:
+        Kine2GoError: there is no preset of that name.
+    """
+    name = section.get("preset", FAST.preset) if isinstance(section, dict) else FAST.preset
+    try:
+        return find_preset(name) if isinstance(name, str) else FAST
+    except Kine2GoError as problem:
+        raise error(f"{where}{locate('train.preset')}: {problem}") from None

@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import shutil
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from kine2go_warp.device import choose_device, choose_processes
 from kine2go_warp.errors import PolicyError, TrainingDiverged
-from kine2go_warp.files import remove_leftovers
+from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
 from kine2go_warp.motions.clip import MotionClip
@@ -20,7 +19,7 @@ from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
     from kine2go_warp.learning.vec_env import BufferedVecEnv
-    from kine2go_warp.learning.watching import Audience
+    from kine2go_warp.learning.watching import TrainingObserver
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
@@ -41,7 +40,7 @@ def train(
     strict: bool = False,
     should_stop: Callable[[], bool] | None = None,
     on_note: Callable[[str], None] = warnings.warn,
-    audience: "Audience | None" = None,
+    observer: "TrainingObserver | None" = None,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
 
@@ -62,7 +61,7 @@ def train(
         strict: Stop at the first fault of the simulation and save its state, instead of counting it. One process.
         should_stop: Asked after each iteration, such as a ``StopRequest``; if it says yes, a checkpoint is written.
         on_note: Told what the user should know: damaged checkpoints, a restart.
-        audience: Watches some worlds and the curves. It changes no result.
+        observer: Receives some worlds and the curves. It changes no result.
 
     Raises:
         PolicyError: the folder holds another policy and ``overwrite`` is not given, or two clips have the same name.
@@ -86,7 +85,8 @@ def train(
                 f"{folder}: holds a policy of other clips or settings; choose another folder or pass --overwrite"
             )
         if policy.exists or policy.checkpoints():
-            set_aside(folder, known.fingerprint if known is not None else "unreadable")
+            # Hours of training are not for deleting.
+            moved_aside(folder, known.fingerprint if known is not None else "unreadable")
         folder.mkdir(parents=True, exist_ok=True)
         known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0)
     remove_leftovers(folder)
@@ -95,7 +95,7 @@ def train(
         return known
     record = replace(record, clips=policy.write_clips(tuple(clips)))
     policy.write_record(record)
-    task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop, audience)
+    task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop, observer)
     while True:
         try:
             return task.run(record, start)
@@ -121,13 +121,6 @@ def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
         if not overwrite:
             raise
         return None
-
-
-def set_aside(folder: Path, suffix: str) -> None:
-    """Move a policy folder that is in the way to a name beside it: hours of training are not for deleting."""
-    older = folder.with_name(f"{folder.name}.{suffix}")
-    shutil.rmtree(older, ignore_errors=True)
-    folder.rename(older)
 
 
 @dataclass(frozen=True)
@@ -202,7 +195,7 @@ class TrainingTask:
     strict: bool
     on_progress: Callable[..., None] | None
     should_stop: Callable[[], bool] | None
-    audience: "Audience | None" = None
+    observer: "TrainingObserver | None" = None
 
     def run(self, record: PolicyRecord, start: ResumePoint | None) -> PolicyRecord:
         """Run PPO from a checkpoint or from the beginning, and record how far it came, also if it is interrupted."""
@@ -210,7 +203,7 @@ class TrainingTask:
 
         from kine2go_warp.learning.runner import ImitationRunner
         from kine2go_warp.learning.vec_env import share_stream
-        from kine2go_warp.learning.watching import watched
+        from kine2go_warp.learning.watching import attach_observer
 
         policy, preset = self.policy, record.preset
         ppo = slower(preset.ppo) if record.restarts else preset.ppo
@@ -223,9 +216,9 @@ class TrainingTask:
             if start is not None:
                 runner.restore(start.checkpoint)
             on_progress = self.on_progress
-            if self.audience is not None:
+            if self.observer is not None:
                 done = runner.current_learning_iteration * ppo.num_steps_per_env
-                on_progress = watched(env, self.audience, on_progress, done)
+                on_progress = attach_observer(env, self.observer, on_progress, done)
             try:
                 runner.train(ppo.iterations, on_progress, self.should_stop)
             finally:

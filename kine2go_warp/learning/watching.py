@@ -1,4 +1,4 @@
-"""Lets somebody watch a training: some worlds for a stretch now and then, and the curves of all iterations."""
+"""Samples a training for an observer: some worlds for a stretch now and then, and the curves of all iterations."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -38,11 +38,11 @@ PARTS = {
 Rows = Mapping[str, NDArray[np.float32]]
 
 
-class Audience(Protocol):
-    """Watches a training. Its methods are called between control steps, so they must return at once."""
+class TrainingObserver(Protocol):
+    """Receives samples of a training. Its methods are called between control steps, so they must return at once."""
 
-    def see_worlds(self, time: NDArray[np.float64], rows: Rows) -> None:
-        """Look at some worlds over some control steps.
+    def on_worlds(self, time: NDArray[np.float64], rows: Rows) -> None:
+        """Receive some worlds over some control steps.
 
         Args:
             time: Simulated time of each world since the training began [s], shape [num_steps].
@@ -50,54 +50,54 @@ class Audience(Protocol):
         """
         ...
 
-    def see_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
-        """Look at the figures of one iteration, by ``group/name``."""
+    def on_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
+        """Receive the metrics of one iteration, by ``group/name``."""
         ...
 
 
-def watched(
-    env: BufferedVecEnv, audience: Audience, on_progress: ProgressCallback | None, first_step: int
+def attach_observer(
+    env: BufferedVecEnv, observer: TrainingObserver, on_progress: ProgressCallback | None, first_step: int
 ) -> ProgressCallback:
-    """Let somebody watch an environment from now on, and return what to call after each iteration.
+    """Send samples of an environment to an observer, and return what to call after each iteration.
 
     Args:
         env: The environment that trains.
-        audience: Who watches.
+        observer: Receives worlds and curves.
         on_progress: What else to call after each iteration.
         first_step: Control steps that were trained before.
     """
-    watcher = Watcher(env, audience, first_step)
-    env.on_step = watcher.step_done
+    sampler = WorldSampler(env, observer, first_step)
+    env.on_step = sampler.step_done
 
     def iteration_done(progress: TrainingProgress) -> None:
-        watcher.iteration_done(progress)
+        sampler.iteration_done(progress)
         if on_progress is not None:
             on_progress(progress)
 
     return iteration_done
 
 
-class Watcher:
+class WorldSampler:
     """Takes what is to be seen off the device. It changes nothing of the training."""
 
     def __init__(
         self,
         env: BufferedVecEnv,
-        audience: Audience,
+        observer: TrainingObserver,
         first_step: int,
         clock: Callable[[], float] = time.monotonic,
         interval: float = INTERVAL,
     ) -> None:
-        """Prepare to watch.
+        """Prepare.
 
         Args:
             env: The environment that trains.
-            audience: Who watches.
+            observer: Receives worlds and curves.
             first_step: Control steps that were trained before.
             clock: Tells the time that passes [s].
             interval: Least time from the beginning of one stretch to that of the next [s].
         """
-        self.environment, self.audience, self.clock, self.step = env.environment, audience, clock, first_step
+        self.environment, self.observer, self.clock, self.step = env.environment, observer, clock, first_step
         self.interval = interval
         self.num_worlds = min(NUM_WORLDS, self.environment.num_worlds)
         self._reference = make_reference_state(self.num_worlds, self.environment.device)
@@ -135,7 +135,7 @@ class Watcher:
             "length/mean": progress.episode_length,
             "speed/steps_per_second": progress.steps_per_second,
         }
-        self.audience.see_iteration(self.step / self.environment.config.control_rate, progress.iteration, curves)
+        self.observer.on_iteration(self.step / self.environment.config.control_rate, progress.iteration, curves)
 
     def _packed_views(self) -> tuple[torch.Tensor, ...]:
         """Return tensors over the environment's arrays, of the worlds that are shown, in the order of ``PARTS``."""
@@ -157,12 +157,12 @@ class Watcher:
         self._block.append(torch.cat(self._views, dim=1))
 
     def _hand_over(self) -> None:
-        """Give the audience what was kept."""
+        """Send what was kept to the observer."""
         packed = torch.stack(self._block, dim=1).cpu().numpy()
         last = self.step + 1
         steps = np.arange(last - len(self._block), last)
         self._block = []
-        self.audience.see_worlds(steps / self.environment.config.control_rate, unpacked(packed))
+        self.observer.on_worlds(steps / self.environment.config.control_rate, unpacked(packed))
 
 
 def unpacked(packed: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:

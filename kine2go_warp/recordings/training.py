@@ -93,11 +93,11 @@ class TrainingRecording:
         self._is_over.set()
         self._thread.join()
 
-    def see_worlds(self, time: NDArray[np.float64], rows: Rows) -> None:
+    def on_worlds(self, time: NDArray[np.float64], rows: Rows) -> None:
         """Take rows of shape [num_worlds, num_steps, ...], named as in the dataset."""
         self._seen.append(Worlds(time, rows))
 
-    def see_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
+    def on_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
         """Take the figures of an iteration, by ``group/name``."""
         self._seen.append(Iteration(time, iteration, curves))
 

@@ -55,6 +55,10 @@ class GatherConfig:
     """Largest mean horizontal speed of feet that bear weight [m/s]."""
     max_joint_jerk: float = 20_000.0
     """Largest mean size of the joints' jerk [rad/s^3]."""
+    max_joint_speed: float = 1.0
+    """Largest joint speed as a share of the motor's largest."""
+    max_leg_overlap: float = 0.01
+    """Greatest depth of a leg in another one, the trunk or the head [m]."""
     randomization: RandomizationConfig = field(default_factory=lambda: MILD)
     """What differs between the rollouts."""
 

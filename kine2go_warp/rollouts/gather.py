@@ -15,6 +15,7 @@ from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
+from kine2go_warp.robots.compiled import model_parts
 from kine2go_warp.rollouts.config import GatherConfig, ProgressCallback
 from kine2go_warp.rollouts.quality import BORDERLINE
 from kine2go_warp.settings import content_hash, to_dictionary
@@ -107,6 +108,8 @@ def gather(
             "fingerprint": fingerprint,
             "environment_settings": to_dictionary(collector.environment.config),
             "ground_reach": collector.ground_reach,
+            "model_hash": collector.environment.spec.model_hash,
+            "model_parts": model_parts(collector.environment.spec),
             "gather_settings": to_dictionary(config),
             **training_attributes(policy, record),
             "device": device,

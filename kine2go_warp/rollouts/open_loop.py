@@ -65,6 +65,7 @@ class OpenLoop:
             "target_queue": self.motors.target_queue,
             "reference_step": self.reference_step,
             **parameter_arrays(self.motors, self.bodies),
+            "friction_anchor": self.motors.model.friction_anchor,
         }
         for name, array in targets.items():
             array.assign(initial[name])

@@ -46,10 +46,14 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
         "largest_root_angle": np.nanmax(metrics.root_angle(rows), axis=1),
         "leg_contact": np.nanmean(rows["leg_contact"], axis=1),
         "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
-        "torque_saturation": metrics.torque_saturation(rows["joint_torque"], spec.joint_effort),
+        "torque_saturation": metrics.torque_saturation(
+            rows["joint_torque"], spec.motor_limits.available(rows["joint_torque"], rows["joint_velocity"])
+        ),
         "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),
         "foot_slip": metrics.foot_slip(contact_velocities(spec, rows), rows["foot_contact_force"]),
         "joint_jerk": metrics.joint_jerk(rows["joint_velocity"], frame_duration),
+        "joint_speed": np.nanmax(np.abs(rows["joint_velocity"]) / np.array(spec.joint_speed), axis=(1, 2)),
+        "leg_overlap": np.maximum(-np.nanmin(rows["leg_distance"], axis=1), 0.0),
     }
 
 

@@ -4,7 +4,9 @@ import torch
 import warp as wp
 
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.model import body_shapes
 from kine2go_warp.kernels.kinematics import link_states
+from kine2go_warp.kernels.leg_distance import least_leg_distance
 from kine2go_warp.kernels.recording import record_reference, record_root
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
@@ -45,6 +47,8 @@ class RolloutRecorder:
                 dim=environment.num_worlds,
                 inputs=[*place, environment.reference, environment.simulation.geometry, *self._reference],
             )
+            shapes = [environment.simulation.geometry, self._shapes, self._leg_distance]
+            wp.launch(least_leg_distance, dim=environment.num_worlds, inputs=[environment.robot, *shapes])
             wp.to_torch(self._mean_action).copy_(mean_action)
             environment.motors.compute_targets(
                 self._mean_action,
@@ -78,6 +82,8 @@ class RolloutRecorder:
         num_worlds = self.environment.num_worlds
         with wp.ScopedDevice(self.environment.device):
             self._root = [wp.zeros(num_worlds, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
+            self._shapes = body_shapes(self.environment.spec)
+            self._leg_distance = wp.zeros(num_worlds, dtype=float)
             self._mean_action, self._mean_target = (wp.zeros((num_worlds, 12), dtype=float) for _ in range(2))
             self._links = [wp.zeros((num_worlds, 16), dtype=wp.vec3) for _ in range(2)]
             self._reference = [
@@ -106,6 +112,7 @@ class RolloutRecorder:
         arrays["joint_torque"] = environment.motors.torque
         arrays["foot_contact_force"] = environment.simulation.foot_force
         views = {name: wp.to_torch(array) for name, array in arrays.items()}
+        views["leg_distance"] = wp.to_torch(self._leg_distance)
         views["leg_contact"] = wp.to_torch(environment.simulation.leg_contact)
         views["joint_position"] = wp.to_torch(environment.robot.joint_q)[:, 7:]
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]

@@ -24,6 +24,9 @@ Engine = Literal["newton", "mujoco"]
 HORIZONS = (0.25, 0.5, 1.0, 2.0)
 """Times at which it is told how far replay and record have parted [s]."""
 
+FRICTION = ("joint_friction", "friction_anchor")
+"""Parts of the initial state that older datasets lack: their joints had no friction."""
+
 STATES = (
     "root_position",
     "root_orientation",
@@ -108,11 +111,14 @@ def read_initial_state(path: Path, motion: str) -> InitialState:
     state = {}
     for array in INITIAL_STATE_ARRAYS:
         name = f"initial_state/{array.name}"
+        if array.name in FRICTION and name not in group:
+            continue
         try:
             state[array.name] = np.asarray(group[name][...])  # pyright: ignore[reportArgumentType, reportIndexIssue]
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
             raise DatasetError(f"{path}/{motion}/{name}: cannot be read ({error.__class__.__name__})") from None
-    return state
+    position = state["joint_q"][:, 7:]
+    return dict(zip(FRICTION, (np.zeros_like(position), position), strict=True)) | state
 
 
 def one_of(initial: InitialState, index: int) -> InitialState:
@@ -137,11 +143,11 @@ def replay_in_mujoco(
     data: MotionData,
     index: int,
     config: EnvConfig,
-    reach: float,
+    reach: float,  # noqa: ARG001 - the ground is a plane
     initial: InitialState,
     device: str,  # noqa: ARG001 - MuJoCo runs on the CPU
 ) -> dict[str, NDArray]:
-    """Return the same from plain MuJoCo, whose model is that of a world in Newton.
+    """Return the same from plain MuJoCo, whose model is compiled from URDF and specification.
 
     Raises:
         DatasetError: the ground is not flat.
@@ -149,15 +155,13 @@ def replay_in_mujoco(
     if not config.terrain.is_flat:
         raise DatasetError("plain MuJoCo replays flat ground only; leave --engine out")
     rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
-    simulation = OpenLoop(config, reach, initial, "cpu").simulation
-    delay = int(initial["delay"][0])
-    stiffness, damping, strength, offset = (
-        initial[name][0].astype(float) for name in ("stiffness", "damping", "strength", "motor_offset")
-    )
-    robot = MujocoRobot(simulation, config, GO2, MotorState(stiffness, damping, strength, offset, delay))
-    roles = simulation.geom_role.numpy()
-    robot.set_body(float(initial["base_mass"][0]), initial["base_com"][0], float(initial["friction"][0]), roles)
-    robot.set_state(initial["joint_q"][0], initial["joint_qd"][0], coming_targets(initial, config.substeps))
+    names = ("stiffness", "damping", "strength", "motor_offset", "joint_friction")
+    stiffness, damping, strength, offset, friction = (initial[name][0].astype(float) for name in names)
+    delay, limits = int(initial["delay"][0]), config.motor.limits(GO2)
+    robot = MujocoRobot(config, GO2, MotorState(stiffness, damping, strength, offset, delay, limits, friction))
+    robot.set_body(float(initial["base_mass"][0]), initial["base_com"][0], float(initial["friction"][0]))
+    targets = coming_targets(initial, config.substeps)
+    robot.set_state(initial["joint_q"][0], initial["joint_qd"][0], targets, initial["friction_anchor"][0])
     states = [robot.state()]
     for row in range(length - 1):
         robot.push(rows["push"][index, row])

@@ -157,7 +157,10 @@ METRICS = (
     ),
     stored(
         "torque_saturation",
-        lambda r: metrics.torque_saturation(r.rows["joint_torque"], r.spec.joint_effort),
+        lambda r: metrics.torque_saturation(
+            r.rows["joint_torque"],
+            r.spec.motor_limits.available(r.rows["joint_torque"], r.rows["joint_velocity"]),
+        ),
     ),
     stored(
         "joint_limit",

@@ -14,6 +14,7 @@ from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.compiled import model_difference
 from kine2go_warp.scores import statistics, transport
 from kine2go_warp.scores.registry import METRICS, Rollouts
 from kine2go_warp.scores.statistics import Estimate, estimate_mean, estimate_share
@@ -66,7 +67,9 @@ def robot_note(dataset: Dataset, spec: RobotSpec) -> str:
     """Return a remark if a dataset was made with another model of the robot, whose limits and mass are unknown here."""
     if dataset.attributes.get("robot_model_sha256") == spec.model_hash:
         return ""
-    return "made with another robot model: feet, limits and mass are taken from the present one"
+    found = sorted({model_difference(dataset.motion(name).attributes, spec) for name in dataset.motions} - {""})
+    changes = f" ({'; '.join(found)})" if found else ""
+    return f"made with another robot model{changes}: feet, limits and mass are taken from the present one"
 
 
 def measure(data: MotionData, spec: RobotSpec) -> MotionFigures:

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 
-Done = Mapping[str, Artefact]
+Inputs = Mapping[str, Artefact]
 """Finished artefacts of the earlier stages of a motion, by stage."""
 
 
 @dataclass(frozen=True)
-class Made:
+class StageOutput:
     """What a stage has made."""
 
     output: str
@@ -26,24 +26,24 @@ class Stage(Protocol):
     """One step from inputs to an artefact. It depends on nothing but its inputs."""
 
     name: str
-    continues: bool
+    resumable: bool
     """Whether an interrupted attempt is continued, rather than begun anew."""
 
-    def is_wanted(self, job: Job) -> bool:
+    def enabled(self, job: Job) -> bool:
         """Return whether the recipe asks for it."""
         ...
 
-    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+    def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return all that decides what the stage makes, as JSON values.
 
         ``version`` among them is raised by whoever changes the code such that the same inputs give something else.
         """
         ...
 
-    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+    def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Make the artefact in a folder."""
         ...
 
-    def show(self, job: Job, artefact: Artefact) -> None:
+    def publish(self, job: Job, artefact: Artefact) -> None:
         """Show the artefact in the workspace, where people look for it."""
         ...

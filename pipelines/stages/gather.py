@@ -6,7 +6,7 @@ from typing import Any
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Done, Made
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 from kine2go_warp.robots import GO2
 from kine2go_warp.settings import to_dictionary
 
@@ -18,42 +18,42 @@ class GatherStage:
     """Makes a dataset of one motion, which is then taken into the dataset of the run."""
 
     name = "gather"
-    continues = False
+    resumable = False
 
-    def is_wanted(self, job: Job) -> bool:
+    def enabled(self, job: Job) -> bool:
         """Return whether the recipe asks for it: always."""
         del job
         return True
 
-    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+    def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the policy's content, that of its clip, and the settings."""
         from kine2go_warp.rollouts.gather import with_rows
 
         return {
             "version": 1,
-            "policy": done["train"].record.output,
-            "clip": done["retarget"].record.output,
+            "policy": upstream["train"].record.output,
+            "clip": upstream["retarget"].record.output,
             "robot_model": GO2.model_hash,
             "settings": to_dictionary(with_rows(job.recipe.gather, job.motion)),
         }
 
-    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+    def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Roll the policy out."""
         from kine2go_warp.dataset.content import motion_content
         from kine2go_warp.dataset.writer import DatasetWriter
         from kine2go_warp.rollouts.gather import gather
 
-        def tell(accepted: int, total: int, detail: str) -> None:
+        def report(accepted: int, total: int, detail: str) -> None:
             monitor.stop_if_asked()
             monitor.advanced(accepted, total, detail, accepted=float(accepted))
 
         writer = DatasetWriter(folder / STORE, GO2)
-        result = gather(PolicyFolder(done["train"].path), writer, job.recipe.gather, job.device, tell)
+        result = gather(PolicyFolder(upstream["train"].path), writer, job.recipe.gather, job.device, report)
         rejected = sum(result.rejected.values())
         figures = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
-        return Made(motion_content(folder / STORE, job.motion), figures)
+        return StageOutput(motion_content(folder / STORE, job.motion), figures)
 
-    def show(self, job: Job, artefact: Artefact) -> None:
+    def publish(self, job: Job, artefact: Artefact) -> None:
         """Take the motion into the dataset of the run.
 
         Motions of the recipe that were simulated otherwise, with older settings, leave it: their artefacts stay.

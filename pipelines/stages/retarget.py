@@ -7,7 +7,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Done, Made
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 from kine2go_warp.robots import GO2
 from kine2go_warp.settings import to_dictionary
 
@@ -23,20 +23,20 @@ class RetargetStage:
     """Makes ``MOTION.npz``."""
 
     name = "retarget"
-    continues = False
+    resumable = False
 
-    def is_wanted(self, job: Job) -> bool:
+    def enabled(self, job: Job) -> bool:
         """Return whether the recipe asks for it: always."""
         del job
         return True
 
-    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+    def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the source file, its range, and the settings.
 
         Raises:
             ClipError: the source file is not there.
         """
-        del done
+        del upstream
         entry = job.entry
         path = entry.path(job.data_folder)
         if not entry.is_there(job.data_folder):
@@ -50,7 +50,7 @@ class RetargetStage:
             **({"accepted": True} if job.motion in job.recipe.accept else {}),
         }
 
-    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+    def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Retarget the motion and assess the clip.
 
         Raises:
@@ -60,7 +60,7 @@ class RetargetStage:
         from kine2go_warp.motions.quality import assess, clip_remarks
         from kine2go_warp.motions.retarget import retarget
 
-        del done
+        del upstream
         result = retarget(job.entry, job.data_folder, InverseKinematics(GO2), job.recipe.retarget)
         clip = result.clip
         quality = assess(result, GO2)
@@ -78,11 +78,11 @@ class RetargetStage:
         clip.save(folder / f"{job.motion}.npz")
         monitor.advanced(1, 1, f"{clip.num_frames} frames")
         figures = {"frames": clip.num_frames, "period": clip.period}
-        return Made(clip.content_hash(), {**figures, "clip_remarks": remarks} if remarks else figures)
+        return StageOutput(clip.content_hash(), {**figures, "clip_remarks": remarks} if remarks else figures)
 
-    def show(self, job: Job, artefact: Artefact) -> None:
+    def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the clip."""
-        job.workspace.show(job.workspace.clip(job.motion), clip_file(job, artefact))
+        job.workspace.publish(job.workspace.clip(job.motion), clip_file(job, artefact))
 
 
 def clip_file(job: Job, artefact: Artefact) -> Path:
@@ -90,6 +90,6 @@ def clip_file(job: Job, artefact: Artefact) -> Path:
     return artefact.path / f"{job.motion}.npz"
 
 
-def read_clip(job: Job, done: Done) -> MotionClip:
+def read_clip(job: Job, upstream: Inputs) -> MotionClip:
     """Return the clip of a motion."""
-    return MotionClip.load(clip_file(job, done["retarget"]))
+    return MotionClip.load(clip_file(job, upstream["retarget"]))

@@ -5,7 +5,7 @@ from typing import Any
 
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Done, Made
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 from kine2go_warp.robots import GO2
 
 HEADLINES = ("joint_rmse", "root_error", "foot_slip", "acceptance")
@@ -16,23 +16,23 @@ class ScoreStage:
     """Makes ``MOTION.json`` with all figures of the motion."""
 
     name = "score"
-    continues = False
+    resumable = False
 
-    def is_wanted(self, job: Job) -> bool:
+    def enabled(self, job: Job) -> bool:
         """Return whether the recipe asks for it."""
         return job.recipe.score.enabled
 
-    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+    def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the data's content and what people said of it."""
-        return {"version": 1, "data": done["gather"].record.output, "verdicts": verdicts_on(job)}
+        return {"version": 1, "data": upstream["gather"].record.output, "verdicts": verdicts_on(job)}
 
-    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+    def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Score the trajectories that nobody rejected."""
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.files import sha256_of
         from kine2go_warp.scores.report import measure, score, scored_motions, write_json
 
-        del done
+        del upstream
         dataset = open_dataset(job.workspace.dataset)
         scored_motions(dataset, [job.motion])
         measured = measure(dataset.load(job.motion), GO2)
@@ -41,11 +41,11 @@ class ScoreStage:
         write_json(job.workspace.dataset, [measured], scores, path)
         monitor.advanced(1, 1, f"{measured.trajectories} trajectories")
         means = {name: scores.overall[name].value for name in HEADLINES}
-        return Made(sha256_of(path)[:32], {name: value for name, value in means.items() if value == value})  # noqa: PLR0124
+        return StageOutput(sha256_of(path)[:32], {name: value for name, value in means.items() if value == value})  # noqa: PLR0124
 
-    def show(self, job: Job, artefact: Artefact) -> None:
+    def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the scores."""
-        job.workspace.show(job.workspace.scores(job.motion), artefact.path / f"{job.motion}.json")
+        job.workspace.publish(job.workspace.scores(job.motion), artefact.path / f"{job.motion}.json")
 
 
 def verdicts_on(job: Job) -> list[str]:

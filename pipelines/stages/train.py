@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
-from kine2go_warp.pipelines.stages.base import Done, Made
+from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 from kine2go_warp.pipelines.stages.retarget import read_clip
 from kine2go_warp.settings import to_dictionary
 
@@ -19,28 +19,28 @@ class TrainStage:
     """Makes a policy folder."""
 
     name = "train"
-    continues = True
+    resumable = True
 
-    def is_wanted(self, job: Job) -> bool:
+    def enabled(self, job: Job) -> bool:
         """Return whether the recipe asks for it: always."""
         del job
         return True
 
-    def inputs(self, job: Job, done: Done) -> dict[str, Any]:
+    def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the clip's content and the resolved settings."""
         settings = to_dictionary(job.recipe.train.on(job.device))
         del settings["preset"]
-        return {"version": 1, "clip": done["retarget"].record.output, "settings": settings}
+        return {"version": 1, "clip": upstream["retarget"].record.output, "settings": settings}
 
-    def make(self, job: Job, done: Done, folder: Path, monitor: Monitor) -> Made:
+    def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Train, or continue an interrupted training, or one of fewer iterations."""
         from kine2go_warp.learning.train import train
 
-        clip = read_clip(job, done)
+        clip = read_clip(job, upstream)
         if not PolicyFolder(folder).exists:
-            self._begin_from_shorter(job, done, folder)
+            self._begin_from_shorter(job, upstream, folder)
 
-        def tell(progress: "TrainingProgress") -> None:
+        def report(progress: "TrainingProgress") -> None:
             figures = {"reward": progress.reward, "episode_length": progress.episode_length}
             monitor.advanced(progress.iteration, progress.total_iterations, str(progress), **figures)
 
@@ -50,20 +50,20 @@ class TrainStage:
             folder,
             job.device,
             overwrite=True,
-            on_progress=tell,
+            on_progress=report,
             processes=job.processes,
             should_stop=monitor.should_stop,
             on_note=monitor.note,
         )
         figures = {"iterations": record.iterations, "seconds": round(record.seconds, 1)}
-        return Made(PolicyFolder(folder).checkpoint_hash(), figures)
+        return StageOutput(PolicyFolder(folder).checkpoint_hash(), figures)
 
-    def _begin_from_shorter(self, job: Job, done: Done, folder: Path) -> None:
+    def _begin_from_shorter(self, job: Job, upstream: Inputs, folder: Path) -> None:
         """Begin with a copy of a finished training that differs in its number of iterations alone, if there is one."""
         from kine2go_warp.learning.train import training_fingerprint
 
         preset = job.recipe.train.on(job.device)
-        fingerprint = training_fingerprint([read_clip(job, done)], preset)
+        fingerprint = training_fingerprint([read_clip(job, upstream)], preset)
         best: tuple[int, Path] | None = None
         for path in folder.parent.glob(f"{job.motion}-{'[0-9a-f]' * 16}"):
             if (path / "policy.json").is_file():
@@ -74,6 +74,6 @@ class TrainStage:
         if best is not None:
             shutil.copytree(best[1], folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("artefact.json"))
 
-    def show(self, job: Job, artefact: Artefact) -> None:
+    def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the policy folder."""
-        job.workspace.show(job.workspace.policy(job.motion), artefact.path)
+        job.workspace.publish(job.workspace.policy(job.motion), artefact.path)

@@ -53,7 +53,7 @@ BAD_INPUT = {
     "no clip": ("train", "name at least one clip"),
     "ablation of a missing clip": ("ablate clip.npz", "no such clip"),
     "ablation of no clip": ("ablate", "name at least one clip"),
-    "an unknown choice": ("ablate clip.npz --choices luck", "unknown choice 'luck'; known are: fast, default_pose"),
+    "an unknown variant": ("ablate clip.npz --variants luck", "unknown variant 'luck'; known are: fast, default_pose"),
     "ablation of no seeds": ("ablate clip.npz --seeds 0", "seeds"),
     "wrong clip": ("train wrong.npz", "not a clip"),
     "folder for a clip": ("train .", "not a clip"),
@@ -70,7 +70,7 @@ BAD_INPUT = {
     "cycles of a wrong length": ("cycles dog.txt --shortest 2 --longest 1", "shortest <= longest"),
     "fetch from nowhere": ("sources fetch", "needs --url"),
     "sources of an unknown motion": ("sources check wolf", "unknown motion"),
-    "no iterations": ("train clip.npz --iterations 0", "no such clip"),
+    "no iterations": ("train clip.npz --iterations 0", "iterations is 0; it must be from 1"),
 }
 
 

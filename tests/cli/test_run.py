@@ -105,15 +105,15 @@ def test_the_live_table_shows_where_each_motion_is():
     console = Console(width=140, record=True, force_terminal=True)
     table = LiveTable(console)
     training = Event("progress", "dog_trot", "train", "reward 9.10", 40, 120, 60.0, 120.0, {"reward": 9.1})
-    table.tell(Event("stage_started", "ai4_dog_pace", "train", "not made yet"))
-    table.tell(training)
-    table.tell(Event("motion_failed", "ai4_dog_run_00", "gather", "all 80 rollouts were rejected"))
+    table.on_event(Event("stage_started", "ai4_dog_pace", "train", "not made yet"))
+    table.on_event(training)
+    table.on_event(Event("motion_failed", "ai4_dog_run_00", "gather", "all 80 rollouts were rejected"))
     console.print(table._table())
     shown = console.export_text()
     assert all(text in shown for text in ("dog_trot", "40/120", "9.10", "2 min 00 s"))
     assert "preparing (kernels compile once" in shown
     assert "kine2go: error: ai4_dog_run_00: gather: all 80 rollouts were rejected" in shown
-    table.tell(replace(training, kind="stage_finished"))
+    table.on_event(replace(training, kind="stage_finished"))
     assert "40/120" not in str(list(table._table().columns[2].cells))
 
 

@@ -15,6 +15,7 @@ EVERYTHING = RandomizationConfig(
     damping=(0.8, 1.2),
     strength=(0.9, 1.1),
     motor_offset=(-0.02, 0.02),
+    joint_friction=(0.5, 1.5),
     latency=(0.0, 0.03),
     push_interval=(0.2, 0.6),
     push_speed=(0.1, 0.5),

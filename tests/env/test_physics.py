@@ -11,7 +11,9 @@ from kine2go_warp.env.config import ActionConfig, MotorConfig, TerminationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
 from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.learning.presets import FAST
 from kine2go_warp.robots import GO2
+from kine2go_warp.robots.spec import FRICTION_STIFFNESS
 from tests.env.helpers import STILL, drive
 
 ENDLESS = TerminationConfig(1e3, 10.0)
@@ -96,7 +98,8 @@ def test_friction_never_leaves_its_pyramid(clip, small_config):
 
 
 def test_torques_never_exceed_the_motors_limits(clip, small_config):
-    environment = ImitationEnvironment([clip], replace(small_config, motor=MotorConfig(500.0, 2.0)), "cpu")
+    motor = MotorConfig(500.0, 2.0, torque_speed=False)
+    environment = ImitationEnvironment([clip], replace(small_config, motor=motor), "cpu")
     torque = np.stack([step["torque"] for step in drive(environment, 20, 3)])
     assert np.all(np.abs(torque) <= np.float32(GO2.joint_effort))
     assert np.any(np.abs(torque) == np.float32(GO2.joint_effort)), "the test must reach them"
@@ -108,7 +111,7 @@ def test_a_joint_answers_a_step_of_its_target_as_a_damped_oscillator(standing_cl
     config = replace(config, substeps=8)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     lift(environment, 10.0)
-    model, joint, step = mujoco_model(environment.simulation, config), 1, 0.02
+    model, joint, step = mujoco_model(GO2, config), 1, 0.02
     data = mujoco.MjData(model)
     data.qpos[:] = np.concatenate([[0, 0, 10, 1, 0, 0, 0], GO2.default_joint_position])
     mujoco.mj_forward(model, data)
@@ -137,7 +140,7 @@ def test_a_joint_answers_a_step_of_its_target_as_a_damped_oscillator(standing_cl
 def test_the_c_engine_follows_the_same_two_seconds_of_joint_targets(standing_clip, target_config):
     """The same model, targets and latency in MuJoCo's C engine: within 0.1 mm, 1e-4 rad and 2 mm/s after 2 s."""
     environment = ImitationEnvironment([standing_clip], target_config, "cpu")
-    robot = MujocoRobot(environment.simulation, target_config, GO2)
+    robot = MujocoRobot(target_config, GO2)
     robot.set_state(environment.robot.joint_q.numpy()[0], environment.robot.joint_qd.numpy()[0])
     amplitude, offset = np.tile([0.0, 0.25, -0.25], 4), np.repeat([0.0, np.pi, np.pi, 0.0], 3)
     heights, forces = [], []
@@ -185,3 +188,91 @@ def test_stops_are_nearly_critical_whatever_the_inertia(standing_clip, target_co
     assert np.all(beyond.max(axis=0) > 0.0), "every stop must be met"
     assert beyond.max() < 0.1
     assert speed.min() > -0.3
+
+
+def swung(environment, joint, speed, torque, steps):
+    """Positions and velocities of a joint of world 0 in the air, step by step, under a constant torque demanded."""
+    lift(environment, 100.0)
+    joint_qd = np.zeros((2, 18), np.float32)
+    joint_qd[:, 6 + joint] = speed
+    environment.robot.joint_qd.assign(joint_qd)
+    target = environment.robot.joint_q.numpy()[:, 7:].copy()
+    target[:, joint] += torque / environment.config.motor.stiffness
+    seen = []
+    for _ in range(steps):
+        environment.action.assign(target)
+        environment.step()
+        seen.append((environment.robot.joint_q.numpy()[0, 7 + joint], environment.robot.joint_qd.numpy()[0, 6 + joint]))
+    return np.array(seen).T
+
+
+def limp(target_config, **motor):
+    action = ActionConfig("joint_target", latency=0.0)
+    return replace(target_config, motor=MotorConfig(1e-3, 0.0, **motor), action=action)
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_friction_stops_a_joint_where_mujocos_own_friction_does(standing_clip, target_config, joint):
+    """A turning joint without a motor comes to rest, against ``frictionloss`` rows of MuJoCo's C engine."""
+    config = limp(target_config, friction=1.0)
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    position, velocity = swung(environment, joint, 4.0, 0.0, 30)
+    model = mujoco_model(GO2, config)
+    model.dof_frictionloss[6:] = GO2.joint_friction
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate([[0, 0, 10, 1, 0, 0, 0], GO2.default_joint_position])
+    data.qvel[6 + joint] = 4.0
+    expected = []
+    for _ in range(30):
+        for _ in range(config.substeps):
+            mujoco.mj_step(model, data)
+        expected.append(data.qpos[7 + joint])
+    travel = expected[-1] - GO2.default_joint_position[joint]
+    assert travel > 0.05
+    np.testing.assert_allclose(position, expected, atol=0.06 * travel)
+    assert abs(velocity[-1]) < 0.05
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_a_joint_held_by_friction_does_not_creep(standing_clip, target_config, joint):
+    environment = ImitationEnvironment([standing_clip], limp(target_config, friction=1.0), "cpu")
+    torque = 0.6 * GO2.joint_friction[joint]
+    position, velocity = swung(environment, joint, 0.0, torque, 180)
+    assert abs(position[-1] - GO2.default_joint_position[joint]) < 1.2 * torque / FRICTION_STIFFNESS
+    assert abs(position[-1] - position[120]) < 2e-4, "one second later it must be where it was"
+    assert abs(velocity[-1]) < 1e-2
+
+
+@pytest.mark.parametrize(("joint", "sign"), [(0, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)])
+def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standing_clip, target_config, joint, sign):
+    # The other joints are held; the driven one has a target so far beyond its stop that all the torque is demanded.
+    config = replace(limp(target_config), motor=MotorConfig(60.0, 2.0))
+    environment = ImitationEnvironment([standing_clip], config, "cpu")
+    joint_q = environment.robot.joint_q.numpy().copy()
+    joint_q[:, 7 + joint] = (GO2.joint_lower if sign > 0 else GO2.joint_upper)[joint] + 0.01 * sign
+    environment.robot.joint_q.assign(joint_q)
+    position, velocity = swung(environment, joint, 0.0, sign * 900.0, 20)
+    reached = np.abs(velocity[(position > GO2.joint_lower[joint]) & (position < GO2.joint_upper[joint])]).max()
+    # No torque drives it beyond; what it has more comes from the free base, which goes on turning against the leg.
+    assert 0.3 * GO2.joint_speed[joint] < reached <= 1.03 * GO2.joint_speed[joint]
+    config = replace(config, motor=replace(config.motor, torque_speed=False))
+    unlimited = ImitationEnvironment([standing_clip], config, "cpu")
+    unlimited.robot.joint_q.assign(joint_q)
+    _, velocity = swung(unlimited, joint, 0.0, sign * 900.0, 20)
+    assert np.abs(velocity).max() > reached, "without the line it must be faster"
+
+
+def test_the_reference_keeps_to_the_motors_torque_speed_line(clip):
+    """Inertia of the legs and friction of the joints alone, the base held still, need half of what motors give."""
+    model = mujoco_model(GO2, FAST.env)
+    data, mass = mujoco.MjData(model), np.zeros((18, 18))
+    velocity = clip.joint_velocity.astype(float)
+    acceleration = (np.roll(velocity, -1, 0) - np.roll(velocity, 1, 0)) / (2.0 * clip.frame_duration)
+    torques = []
+    for position, qd, qdd in zip(clip.joint_position, velocity, acceleration, strict=True):
+        data.qpos[:] = np.concatenate([[0, 0, 10, 1, 0, 0, 0], position])
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        torques.append(mass[6:, 6:] @ qdd + np.array(GO2.joint_friction) * np.sign(qd))
+    used = np.abs(torques) / GO2.motor_limits.available(np.array(torques), velocity)
+    assert 0.05 < used.max() < 0.5

@@ -7,6 +7,7 @@ from kine2go_warp.env.config import RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
+from kine2go_warp.robots import GO2
 from tests.env.helpers import EVERYTHING, STILL, drive
 
 
@@ -20,6 +21,7 @@ def test_everything_is_drawn_within_its_range_and_recorded(drawn_environment):
     assert set(drawn) == {parameter.name for parameter in RANDOMIZED_PARAMETERS}
     motor = drawn_environment.config.motor
     nominal = {"stiffness": motor.stiffness, "damping": motor.damping}
+    drawn = drawn | {"joint_friction": drawn["joint_friction"] / motor.joint_friction(GO2)}
     for name, values in drawn.items():
         low, high = (limit * nominal.get(name, 1.0) for limit in getattr(EVERYTHING, name))
         half_substep = 0.5 / 240.0 if name == "latency" else 1e-5

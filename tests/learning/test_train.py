@@ -68,7 +68,7 @@ def test_a_folder_of_other_settings_is_not_overwritten_unasked(clip, tmp_path):
     old = PolicyFolder(folder).read_record().fingerprint
     train([clip], TINY.override({"env.seed": 5}), folder, "cpu", overwrite=True)
     assert PolicyFolder(folder).checkpoint_hash() != before
-    assert PolicyFolder(folder.with_name(f"policy.{old}")).checkpoint_hash() == before, "moved aside, not deleted"
+    assert PolicyFolder(folder.with_name(f"policy.{old}-1")).checkpoint_hash() == before, "moved aside, not deleted"
 
 
 def test_checkpoints_of_a_policy_that_is_gone_are_not_continued(clip, tmp_path):

@@ -12,7 +12,7 @@ from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
-from kine2go_warp.learning.watching import BLOCK, INTERVAL, NUM_WORLDS, STRETCH, Watcher
+from kine2go_warp.learning.watching import BLOCK, INTERVAL, NUM_WORLDS, STRETCH, WorldSampler
 from kine2go_warp.rollouts.recorder import RolloutRecorder
 
 
@@ -22,10 +22,10 @@ class Eyes:
     def __init__(self):
         self.blocks, self.iterations = [], []
 
-    def see_worlds(self, time, rows):
+    def on_worlds(self, time, rows):
         self.blocks.append((time, rows))
 
-    def see_iteration(self, time, iteration, curves):
+    def on_iteration(self, time, iteration, curves):
         self.iterations.append((time, iteration, curves))
 
     def rows(self, name):
@@ -40,7 +40,7 @@ def clock():
 
 def test_the_worlds_are_seen_as_the_recorder_of_rollouts_sees_them(environment, rng, clock):
     env, eyes = ImitationVecEnv(environment), Eyes()
-    env.on_step = Watcher(env, eyes, 0, lambda: clock.now).step_done
+    env.on_step = WorldSampler(env, eyes, 0, lambda: clock.now).step_done
     recorder = RolloutRecorder(environment, SimpleNamespace())
     ended = 0
     for _ in range(2 * BLOCK):
@@ -59,7 +59,7 @@ def test_the_worlds_are_seen_as_the_recorder_of_rollouts_sees_them(environment, 
 
 def test_stretches_begin_at_intervals_and_are_whole(environment, clock):
     env, eyes = ImitationVecEnv(environment), Eyes()
-    env.on_step = Watcher(env, eyes, 600, lambda: clock.now).step_done
+    env.on_step = WorldSampler(env, eyes, 600, lambda: clock.now).step_done
     actions = torch.zeros(env.num_envs, 12)
     for _ in range(STRETCH + 20):
         env.step(actions)
@@ -75,7 +75,7 @@ def test_stretches_begin_at_intervals_and_are_whole(environment, clock):
 @pytest.mark.parametrize("processes", [1, 2])
 def test_a_watched_training_ends_with_the_same_policy(clip, tmp_path, processes):
     config, eyes = FAST.override({"env.num_worlds": 8, "ppo.iterations": 3}), Eyes()
-    train([clip], config, tmp_path / "watched", "cpu", processes=processes, audience=eyes)
+    train([clip], config, tmp_path / "watched", "cpu", processes=processes, observer=eyes)
     train([clip], config, tmp_path / "alone", "cpu", processes=processes)
     watched, alone = (PolicyFolder(tmp_path / name).checkpoint_hash() for name in ("watched", "alone"))
     assert watched == alone
@@ -96,7 +96,7 @@ def test_with_several_processes_the_first_worlds_are_seen(clip, small_config):
     seen = []
     for env in (one, two):
         eyes = Eyes()
-        env.on_step = Watcher(env, eyes, 0).step_done
+        env.on_step = WorldSampler(env, eyes, 0).step_done
         for _ in range(BLOCK):
             env.step(torch.full((env.num_envs, 12), 0.1))
         seen.append(eyes)

@@ -38,7 +38,7 @@ class Listener(RunObserver):
     def __init__(self):
         self.events = []
 
-    def tell(self, event):
+    def on_event(self, event):
         self.events.append(event)
 
     def of(self, kind):

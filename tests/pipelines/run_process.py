@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.killing import serve
 from tests.pipelines.helpers import TWO, run
 
-SHORT = replace(TWO, train=replace(TWO.train, iterations=3))
+SHORT = replace(TWO, train=TWO.train.override({"ppo.iterations": 3}))
 
 
 def run_in(folder: str) -> int:

@@ -81,7 +81,7 @@ def test_a_finished_motion_tells_its_figures(finished):
     [
         (lambda recipe: replace(recipe, record=replace(recipe.record, trajectories=2)), ["record"]),
         (lambda recipe: replace(recipe, gather=replace(recipe.gather, rows=15)), ["gather", "score", "record"]),
-        (lambda recipe: replace(recipe, train=replace(recipe.train, seed=2)), ALL[1:]),
+        (lambda recipe: replace(recipe, train=recipe.train.override({"env.seed": 2})), ALL[1:]),
         (lambda recipe: replace(recipe, retarget=replace(recipe.retarget, mode="plain")), ALL),
     ],
     ids=["record", "gather", "train", "retarget"],
@@ -193,7 +193,7 @@ def test_motions_that_were_simulated_otherwise_leave_the_dataset_and_their_artef
 
 def test_two_runs_on_one_folder_are_refused_with_who_is_there(tmp_path):
     folder = tmp_path / "run"
-    with Workspace(folder).locked(), pytest.raises(PipelineError, match=f"process {os.getpid()} on .* since"):
+    with Workspace(folder).alone(), pytest.raises(PipelineError, match=f"process {os.getpid()} on .* since"):
         run(TINY, folder)
     assert not (folder / "artefacts").exists()
     result, _ = run(TINY, folder)

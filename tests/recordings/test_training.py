@@ -38,9 +38,9 @@ def test_worlds_and_curves_are_read_back_bit_for_bit(rng, tmp_path):
     blocks = [made_up_rows(rng, 6) for _ in range(3)]
     with TrainingRecording("trot", FileSink(path)) as recording:
         for number, rows in enumerate(blocks):
-            recording.see_worlds((6 * number + np.arange(6)) / 60.0, rows)
+            recording.on_worlds((6 * number + np.arange(6)) / 60.0, rows)
             time.sleep(0.5)
-            recording.see_iteration(0.1 * (number + 1), number + 1, CURVES)
+            recording.on_iteration(0.1 * (number + 1), number + 1, CURVES)
     assert recording.problem == ""
     assert [file.name for file in path.parent.iterdir()] == ["training.rrd"]
     verified = subprocess.run([RERUN, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
@@ -67,7 +67,7 @@ def test_worlds_and_curves_are_read_back_bit_for_bit(rng, tmp_path):
 def test_an_interrupted_training_leaves_its_recording(rng, tmp_path):
     def train_until_interrupted():
         with TrainingRecording("trot", FileSink(tmp_path / "a.rrd")) as recording:
-            recording.see_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
+            recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -79,7 +79,7 @@ def test_a_full_disk_ends_the_watching_and_not_the_training(rng, tmp_path, monke
     monkeypatch.setattr(live, "LEAST_SPACE", 1e18)
     with TrainingRecording("trot", FileSink(tmp_path / "a.rrd")) as recording:
         for _ in range(4):
-            recording.see_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
+            recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
             time.sleep(0.2)
     assert "no space left" in recording.problem
 
@@ -88,13 +88,13 @@ def test_a_viewer_that_goes_away_does_not_hold_up_the_training(rng, monkeypatch)
     monkeypatch.setattr(live, "PATIENCE", 1.0)
     server = WebViewer.start([])
     with TrainingRecording("trot", ViewerSink(server.source)) as recording:
-        recording.see_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
+        recording.on_worlds(np.arange(3) / 60.0, made_up_rows(rng, 3))
         time.sleep(0.6)
         server.process.kill()
         server.process.wait()
         started = time.monotonic()
         for number in range(5):
-            recording.see_worlds((3 * number + np.arange(3)) / 60.0, made_up_rows(rng, 3))
+            recording.on_worlds((3 * number + np.arange(3)) / 60.0, made_up_rows(rng, 3))
         assert time.monotonic() - started < 0.5
     assert time.monotonic() - started < 20.0
 
@@ -102,7 +102,7 @@ def test_a_viewer_that_goes_away_does_not_hold_up_the_training(rng, monkeypatch)
 def test_more_than_can_be_drawn_is_dropped_rather_than_kept(tmp_path):
     recording = TrainingRecording("trot", FileSink(tmp_path / "a.rrd"))
     for number in range(1000):
-        recording.see_iteration(number / 10, number, CURVES)
+        recording.on_iteration(number / 10, number, CURVES)
     assert len(recording._seen) == 400
 
 

@@ -39,6 +39,7 @@ def perfect(count=1):
         "reference_foot_position": links[:, :, 12:].copy(),
         "foot_contact_force": np.tile(np.float32([0, 0, 40]), (count, ROWS, 4, 1)),
         "leg_contact": np.zeros((count, ROWS), np.float32),
+        "leg_distance": np.full((count, ROWS), 0.05, np.float32),
     }
 
 
@@ -80,6 +81,15 @@ def shaking(rows, one=0):
     rows["joint_velocity"][one] = 3.0 * (-1.0) ** np.arange(ROWS)[:, None]
 
 
+def too_fast(rows, one=0):
+    # The other joints and rows are still: the mean jerk stays below its limit.
+    rows["joint_velocity"][one, 9:12, 2] = (12.0, 1.5 * GO2.joint_speed[2], 12.0)
+
+
+def legs_crossed(rows, one=0):
+    rows["leg_distance"][one, 4] = -0.02
+
+
 FAULTS = {
     "distance": (too_far, 0.6),
     "rotation": (turned, 1.0),
@@ -90,6 +100,8 @@ FAULTS = {
     "action_saturation": (targets_beyond_limits, 3 / 12),
     "foot_slip": (slipping, 0.5),
     "jerk": (shaking, 4 * 3.0 * 60.0**2),
+    "joint_speed": (too_fast, 1.5),
+    "leg_overlap": (legs_crossed, 0.02),
 }
 """What spoils a rollout, and its figure by hand, in the order in which the limits are looked at."""
 
