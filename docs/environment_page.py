@@ -191,7 +191,7 @@ def reset_section(config: EnvConfig) -> str:
 Clip, phase in the cycle and heading are drawn anew for each episode; half widths of what is added to them:
 
 {table(("quantity", "value", "unit", "meaning"), rows)}
-Phases are drawn evenly, or, with `phase_sampling.uniform_share` below 1, more often where the robot has failed of late:
+Phases are drawn evenly, or, with `phase_sampling.uniform_share` below 1, more often where the robot failed recently:
 each clip is cut into {sampling.bins} bins, failures count {sampling.lookback} s before they happen, and counts fade by
 the factor {sampling.memory} in a control step.
 """
@@ -250,7 +250,8 @@ friction's: a joint at rest is held without creeping. It is part of the motors' 
 (`frictionloss`, twelve more a world) it took a fifth of the environment's rate.
 
 Joint stops are critically damped with a time constant of {solver.stop_time:g} s, whatever the inertia
-(`solver.stop_time`). The robot's parts collide with the ground alone, or with one another, too (`solver.self_contact`).
+(`solver.stop_time`). The robot's parts collide with the ground alone, or with one another, too (`solver.self_contact`),
+which costs a tenth of the environment's rate.
 `leg_distance` in the rows of a dataset is how far legs are from one another, the trunk and the head.
 """
 

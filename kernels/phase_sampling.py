@@ -1,4 +1,4 @@
-"""Where episodes begin: more often where the robot has failed of late.
+"""Where episodes begin: more often where the robot has failed recently.
 
 Every clip is cut into bins of equal length. For each bin it is counted how many worlds pass and how many fail in it
 or soon after; the share of failures, smoothed over time, weighs how often an episode begins there.

@@ -2,7 +2,9 @@
 
 import contextlib
 import os
-from collections.abc import Iterator
+import sys
+import threading
+from collections.abc import Callable, Iterator
 
 from kine2go_warp.errors import Kine2GoError
 
@@ -41,6 +43,24 @@ def choose_processes(wanted: int | None, num_worlds: int, device: str) -> int:
     if device != "cpu":
         return 1
     return max(1, min(len(os.sched_getaffinity(0)), num_worlds // LEAST_WORLDS))
+
+
+def print_note(message: str) -> None:
+    """Print what a user should know to standard error."""
+    print(f"kine2go: {message}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def compilation_notice(on_note: Callable[[str], None] = print_note, after: float = 5.0) -> Iterator[None]:
+    """Say that kernels are compiled if the block takes longer than ``after`` seconds, as it does the first time."""
+    message = "compiling the simulation's kernels; this takes minutes the first time, and seconds afterwards"
+    timer = threading.Timer(after, on_note, [message])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def start_warp() -> None:

@@ -51,6 +51,10 @@ class RecordingError(Kine2GoError):
     """A recording cannot be made or shown as asked."""
 
 
+class MissingExtraError(Kine2GoError, ModuleNotFoundError):
+    """A package is not installed that one of the extras brings."""
+
+
 def explain(error: OSError) -> str:
     """Return what went wrong with a file, and what to do."""
     where = f"{error.filename}: " if error.filename else ""

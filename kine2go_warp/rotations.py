@@ -30,7 +30,7 @@ def conjugate(wxyz: NDArray) -> Array:
 
 def rotate(wxyz: NDArray, vectors: ArrayLike) -> Array:
     """Rotate vectors of shape [..., 3]."""
-    wxyz = np.asarray(wxyz, np.float64)
+    wxyz, vectors = np.asarray(wxyz, np.float64), np.asarray(vectors)
     twice = 2.0 * np.cross(wxyz[..., 1:], vectors)
     return vectors + wxyz[..., :1] * twice + np.cross(wxyz[..., 1:], twice)
 

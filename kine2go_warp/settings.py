@@ -99,11 +99,15 @@ def check_ranges(settings: Any, **ranges: tuple[float, float]) -> None:
         found = getattr(settings, name)
         for value in found if isinstance(found, tuple) else (found,):
             if value is not None and not (least <= value <= greatest and math.isfinite(value)):
-                most = (
-                    f"from {least:,.10g} to {greatest:,.10g}" if math.isfinite(greatest) else f"at least {least:,.10g}"
-                )
                 shown = list(found) if isinstance(found, tuple) else found
-                raise Kine2GoError(f"{name} is {shown}; it must be {most}")
+                raise Kine2GoError(f"{name} is {shown}; it must be {range_text(least, greatest)}")
+
+
+def range_text(least: float, greatest: float) -> str:
+    """Return what a number between a least and a greatest is, in words."""
+    if math.isfinite(greatest):
+        return f"from {least:,.10g} to {greatest:,.10g}"
+    return "positive" if 0.0 < least < 1e-6 else f"at least {least:,.10g}"
 
 
 def content_hash(*parts: Any) -> str:

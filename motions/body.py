@@ -137,7 +137,7 @@ def fly(poses: Poses, stance: NDArray[np.bool_], fall: float, frame_duration: fl
     height = poses.root_position[:, 2]
     slope, lead = np.gradient(height), max(round(LEAD / frame_duration), 1)
     shift, lifted = np.zeros(len(height)), np.zeros(len(height))
-    for flight in intervals(~stance.any(axis=1)):
+    for flight in intervals(~np.asarray(stance.any(axis=1))):
         first, last = flight.first - 1, flight.last + 1
         if first < lead or last + lead >= len(height):
             continue

@@ -82,7 +82,7 @@ def close_cycle(poses: Poses, num_frames: int, blend_frames: float) -> tuple[Pos
     velocity = np.diff(following, axis=0)[0] - np.diff(poses.root_position[:2], axis=0)[0]
     position = poses.root_position[: num_frames + 1].copy()
     position[:, 2] += np.append(value, -0.5) * (following[0, 2] - position[0, 2]) + np.append(slope, 0.0) * velocity[2]
-    after, before = seam_distances(np.arange(num_frames) + 0.5, num_frames, blend_frames)
+    after, before = seam_distances(np.arange(num_frames, dtype=np.float64) + 0.5, num_frames, blend_frames)
     gained = 0.5 * np.outer(_fade(after), velocity[:2]) - 0.5 * np.outer(
         _fade(before), turn_planar(velocity[:2], yaw[num_frames])
     )

@@ -2,13 +2,15 @@
 
 import hashlib
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco as mujoco_package
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.robots.spec import RobotSpec
+if TYPE_CHECKING:
+    from kine2go_warp.robots.spec import RobotSpec
+
 
 mujoco: Any = mujoco_package
 """The package without its types: it names its compiled classes in a way that type checkers do not see."""
@@ -17,7 +19,7 @@ DIGITS = 6
 """Significant digits of a number that count."""
 
 
-def robot_tree(spec: RobotSpec) -> Any:
+def robot_tree(spec: "RobotSpec") -> Any:
     """Return the floating robot as MuJoCo's editable specification: capsules for legs, rotor inertia at the joints."""
     tree = mujoco.MjSpec.from_file(str(spec.urdf))
     tree.body(spec.base_link).add_freejoint()
@@ -31,7 +33,7 @@ def robot_tree(spec: RobotSpec) -> Any:
     return tree
 
 
-def model_numbers(spec: RobotSpec) -> dict[str, list[NDArray]]:
+def model_numbers(spec: "RobotSpec") -> dict[str, list[NDArray]]:
     """Return the numbers of the compiled robot that decide how it moves, by what they are."""
     model = robot_tree(spec).compile()
     limits = spec.motor_limits
@@ -54,7 +56,7 @@ def turned_up(quaternions: NDArray) -> NDArray:
     return quaternions * np.sign(first)
 
 
-def model_parts(spec: RobotSpec) -> dict[str, str]:
+def model_parts(spec: "RobotSpec") -> dict[str, str]:
     """Return a short hash of each part of ``model_numbers``."""
     hashes = {}
     for name, arrays in model_numbers(spec).items():
@@ -70,7 +72,7 @@ def tidy(array: NDArray) -> NDArray:
     return np.where(np.abs(values) < 1e-9, 0.0, values)
 
 
-def model_difference(stored: Mapping[str, Any], spec: RobotSpec) -> str:
+def model_difference(stored: Mapping[str, Any], spec: "RobotSpec") -> str:
     """Return in one line how the robot of a dataset differs from the present one, an empty text if it does not.
 
     Args:

@@ -1,14 +1,17 @@
 """Reading a URDF: geometry and limits by name, and the tree of moving links that simulators need."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots.spec import Leg
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Inertia = tuple[float, NDArray, NDArray]
 """Mass [kg], centre of mass in the link frame [m], inertia about it along the link's axes [kg m^2]."""
@@ -98,14 +101,16 @@ def joint_link(joint: ElementTree.Element, role: str) -> str:
     return element.attrib["link"]
 
 
-def origin_of(element: ElementTree.Element) -> tuple[NDArray, Rotation]:
+def origin_of(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
     """Return position [m] and rotation of an element in its parent's frame; the identity if it has no origin."""
+    from scipy.spatial.transform import Rotation
+
     attributes = {} if (origin := element.find("origin")) is None else origin.attrib
     xyz, rpy = (np.array(attributes.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
     return xyz, Rotation.from_euler("xyz", rpy)
 
 
-def move_origin(element: ElementTree.Element, pose: tuple[NDArray, Rotation]) -> None:
+def move_origin(element: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
     """Express an element's origin in the frame in which its own frame has ``pose``."""
     position, rotation = origin_of(element)
     origin = element.find("origin")
@@ -130,7 +135,7 @@ def inertia_of(link: ElementTree.Element) -> Inertia:
     return float(mass.attrib["value"]), centre, turn @ matrix @ turn.T
 
 
-def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: tuple[NDArray, Rotation]) -> None:
+def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
     """Write the inertia of both links together into the parent; ``pose`` is the child's in the parent's frame."""
     turn = pose[1].as_matrix()
     mass, centre, inertia = inertia_of(child)

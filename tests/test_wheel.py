@@ -40,7 +40,18 @@ def test_the_installed_wheel_starts_in_another_folder(wheel, tmp_path):
     environment, elsewhere = tmp_path / "environment", tmp_path / "elsewhere"
     elsewhere.mkdir()
     requirements = tmp_path / "requirements.txt"
-    export = ["uv", "export", "--quiet", "--frozen", "--no-dev", "--no-emit-project", "-o", requirements]
+    export = [
+        "uv",
+        "export",
+        "--quiet",
+        "--frozen",
+        "--no-dev",
+        "--extra",
+        "all",
+        "--no-emit-project",
+        "-o",
+        requirements,
+    ]
     subprocess.run(export, cwd=REPOSITORY, check=True, capture_output=True)
     subprocess.run(["uv", "venv", "--quiet", "--python", sys.executable, environment], check=True)
     install = ["uv", "pip", "install", "--quiet", "--python", environment / "bin" / "python", "--no-deps"]

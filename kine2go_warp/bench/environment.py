@@ -51,7 +51,7 @@ def bench_environment(
             wp.copy(environment.action, outputs[step % len(outputs)])
             environment.step()
 
-    without_physics = capture_without_physics(environment)
+    without_physics = environment.capture_step(simulate=False)
 
     def run_without_physics() -> None:
         for _ in range(steps):
@@ -120,19 +120,6 @@ def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp
     shape = environment.action.shape
     draws = (rng.normal(0.0, OUTPUT_NOISE, shape) for _ in range(count))
     return [wp.array(draw, dtype=float, device=environment.device) for draw in draws]
-
-
-def capture_without_physics(environment: ImitationEnvironment) -> wp.Graph:
-    """Capture a step in which the robots do not move: all of this project's kernels but the motors'."""
-    advance = environment.simulation.advance
-    environment.simulation.advance = lambda *_: None  # type: ignore[method-assign]
-    try:
-        with wp.ScopedDevice(environment.device), wp.ScopedCapture() as capture:
-            environment._step()
-    finally:
-        environment.simulation.advance = advance  # type: ignore[method-assign]
-    assert capture.graph is not None
-    return capture.graph
 
 
 class NativeRunner:

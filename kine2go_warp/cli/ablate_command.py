@@ -5,6 +5,7 @@ from pathlib import Path
 
 import tyro
 
+from kine2go_warp.cli.data import ClipPaths
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.ablation import BUNDLED, AblationConfig
 
@@ -16,7 +17,7 @@ class Ablate:
     Ctrl-C stops after the iteration; the same command continues. 'tensorboard --logdir OUT' shows the learning curves.
     """
 
-    clips: tyro.conf.Positional[tuple[Path, ...]]
+    clips: ClipPaths
     """Clips (.npz) made by 'kine2go retarget'."""
     variants: tuple[str, ...] = ()
     """Names of variants; by default all of the file."""

@@ -3,16 +3,13 @@
 import json
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
+from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.checks.records import Finding, Report
     from kine2go_warp.tables import Table
-
-Positional = tyro.conf.Positional
 
 FOUND = 1
 """Exit status of a check that found something."""
@@ -31,9 +28,9 @@ class Check:
     Exit status: 0 if nothing is wrong, 1 if something is, 2 if there is no dataset that could be checked.
     """
 
-    dataset: Positional[Path]
+    dataset: DatasetPath
     """The dataset, a Zarr store."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Motions to check; all if none is named."""
     json: bool = False
     """Print everything as JSON: results, findings of every trajectory, diagnoses."""

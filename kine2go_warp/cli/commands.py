@@ -5,10 +5,8 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.cli.data import data_folder
+from kine2go_warp.cli.data import PolicyPath, data_folder
 from kine2go_warp.rollouts.config import GatherConfig
-
-Positional = tyro.conf.Positional
 
 
 def limit_threads() -> None:
@@ -22,7 +20,7 @@ def limit_threads() -> None:
 class Gather:
     """Roll a policy out many times and add the good rollouts to a dataset."""
 
-    policy: Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     motions: tuple[str, ...] = ()
     """Which of the clips that the policy tracks; by default all, each as a motion of its own."""

@@ -1,11 +1,20 @@
-"""Where the source clips are."""
+"""Arguments that several commands take, and where the source clips are."""
 
 import os
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from kine2go_warp.errors import CatalogueError
 
 DATA_VARIABLE = "KINE2GO_DATA"
+
+DatasetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET")]
+PolicyPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
+ClipPaths = Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="CLIP [CLIP ...]")]
+RecipePath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECIPE")]
+MotionNames = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[MOTION ...]")]
 
 
 def data_folder(given: Path | None) -> Path | None:

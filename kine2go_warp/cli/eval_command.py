@@ -1,6 +1,6 @@
 """The command that evaluates a policy."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,24 +8,23 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import PolicyPath
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
     from kine2go_warp.evaluation.metrics import Result
+    from kine2go_warp.tables import Table
 
 HEADLINES = {
-    "joint_rmse": "joint\nRMSE\n[rad]",
-    "root_error": "root\nerror\n[m]",
-    "root_angle": "root\nangle\n[rad]",
-    "foot_error": "foot\nerror\n[m]",
-    "action_rate": "action\nrate\n[1]",
-    "torque_saturation": "torque\nat limit\n[1]",
-    "power": "power\n[W]",
-    "cost_of_transport": "cost of\ntransport\n[1]",
+    "joint_rmse": "joint RMSE [rad]",
+    "root_error": "root error [m]",
+    "root_angle": "root angle [rad]",
+    "foot_error": "foot error [m]",
+    "action_rate": "action rate [1]",
+    "torque_saturation": "torque at limit [1]",
+    "power": "power [W]",
+    "cost_of_transport": "cost of transport [1]",
 }
 """Metrics that are shown, with their headings."""
 
@@ -34,7 +33,7 @@ HEADLINES = {
 class Eval:
     """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes."""
 
-    policy: tyro.conf.Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     json: Path | None = None
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
@@ -93,47 +92,45 @@ def shown(pictures: Sequence[Path]) -> str:
 
 def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]") -> None:
     """Print a line for each clip and condition."""
-    from rich.markup import escape
-    from rich.table import Table
-
-    from kine2go_warp.cli.tables import console
+    from kine2go_warp.cli.tables import print_table, say
     from kine2go_warp.evaluation.metrics import MIN_SURVIVAL, THRESHOLDS
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
-    table = Table(title=escape(title), title_justify="left")
-    add_columns(table, "condition")
-    table.add_column("meets\nthresholds", justify="right")
-    for one in results:
-        table.add_row(*cells(one), "yes" if one.meets_thresholds else "no")
-    output = console()
-    output.print(table)
+    met = ["yes" if one.meets_thresholds else "no" for one in results]
+    print_table(results_table(title, "condition", results, {"meets thresholds": met}))
     thresholds = ", ".join(f"{name} <= {value:g}" for name, value in THRESHOLDS.items())
-    output.print(f"thresholds: {thresholds}, survival >= {MIN_SURVIVAL:g}", highlight=False, soft_wrap=True)
-    print_early_ends(output, results)
+    say(f"thresholds: {thresholds}, survival >= {MIN_SURVIVAL:g}")
+    print_early_ends(results)
 
 
-def add_columns(table: "Table", told_apart_by: str) -> None:
-    """Add a column for the clip, for what tells its results apart, and for each figure."""
-    from rich.markup import escape
+def results_table(
+    title: str, condition: str, results: "Sequence[Result]", more: Mapping[str, Sequence[str]] | None = None
+) -> "Table":
+    """Return a table with a row for each result.
 
-    for heading in ("clip", told_apart_by):
-        table.add_column(heading, overflow="fold")
-    for heading in ("survival\n[1]\n(95 %)", *HEADLINES.values()):
-        table.add_column(escape(heading), justify="right")
+    Args:
+        title: Title of the table.
+        condition: What the results of a clip differ by, a heading.
+        results: The results.
+        more: Further columns, a text for each result, by their headings.
+    """
+    from kine2go_warp.tables import make_table, number_text
+
+    more = more or {}
+    rows = []
+    for index, one in enumerate(results):
+        share = f"{number_text(one.survival.value)} ({one.survival.low:.2f}-{one.survival.high:.2f})"
+        numbers = (number_text(one.estimate(name).value) for name in HEADLINES)
+        rows.append((one.clip, one.condition, share, *numbers, *(texts[index] for texts in more.values())))
+    headings = ("clip", condition, "survival [1] (95 %)", *HEADLINES.values(), *more)
+    return make_table(title, headings, rows, ("clip", condition))
 
 
-def cells(result: "Result") -> tuple[str, ...]:
-    """Return a result as the cells of those columns."""
-    from kine2go_warp.tables import number_text
-
-    survival = result.survival
-    share = f"{number_text(survival.value)} ({survival.low:.2f}-{survival.high:.2f})"
-    return result.clip, result.condition, share, *(number_text(result.estimate(name).value) for name in HEADLINES)
-
-
-def print_early_ends(output: "Console", results: "Sequence[Result]") -> None:
+def print_early_ends(results: "Sequence[Result]") -> None:
     """Print why rollouts ended before their time."""
+    from kine2go_warp.cli.tables import say
+
     for one in results:
         if one.reasons:
             early = ", ".join(f"{count} by {reason}" for reason, count in one.reasons.items())
-            output.print(f"ended early: {one.clip}, {one.condition}: {early}", highlight=False, soft_wrap=True)
+            say(f"ended early: {one.clip}, {one.condition}: {early}")

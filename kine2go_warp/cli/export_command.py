@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
-Positional = tyro.conf.Positional
+from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 
 @dataclass(frozen=True)
 class Export:
     """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card."""
 
-    dataset: Positional[Path]
+    dataset: DatasetPath
     """The dataset (.zarr)."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of motions; by default all."""
     format: str = "lerobot"
     """lerobot (dataset v3.0) or npz."""

@@ -4,16 +4,15 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import PolicyPath
 
 
 @dataclass(frozen=True)
 class ExportPolicy:
     """Write a policy as ONNX and TorchScript, with all that a robot needs to know, checked against the policy."""
 
-    policy: tyro.conf.Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     out: Path | None = None
     """Folder to create; by default export in the policy folder."""

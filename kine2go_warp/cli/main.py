@@ -1,88 +1,206 @@
-"""Parses the command line, and turns errors into one line and an exit status."""
+"""Finds the command that the arguments name, and turns errors into one line and an exit status."""
 
+import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Any
 
-import tyro
-
-from kine2go_warp.cli.ablate_command import Ablate
-from kine2go_warp.cli.bench_command import Bench
-from kine2go_warp.cli.check_command import Check
-from kine2go_warp.cli.commands import Doctor, Gather
-from kine2go_warp.cli.eval_command import Eval
-from kine2go_warp.cli.export_command import Export
-from kine2go_warp.cli.export_policy_command import ExportPolicy
-from kine2go_warp.cli.motion_commands import Cycles, Retarget, Sources
-from kine2go_warp.cli.quality_command import Quality
-from kine2go_warp.cli.render_command import Render
-from kine2go_warp.cli.replay_command import Replay
-from kine2go_warp.cli.report_command import Report
-from kine2go_warp.cli.review_command import Review
-from kine2go_warp.cli.run_command import Demo, Run, Status
-from kine2go_warp.cli.score_command import Score
-from kine2go_warp.cli.sim2sim_command import Sim2Sim
-from kine2go_warp.cli.train_command import REGISTRY, Train, default_train
+from kine2go_warp import __version__
 from kine2go_warp.errors import Kine2GoError, explain
+from kine2go_warp.extras import named_extras
 
-Command = (
-    Annotated[Retarget, tyro.conf.subcommand("retarget")]
-    | Annotated[Eval, tyro.conf.subcommand("eval")]
-    | Annotated[Gather, tyro.conf.subcommand("gather")]
-    | Annotated[Quality, tyro.conf.subcommand("quality")]
-    | Annotated[Replay, tyro.conf.subcommand("replay")]
-    | Annotated[Score, tyro.conf.subcommand("score")]
-    | Annotated[Run, tyro.conf.subcommand("run")]
-    | Annotated[Status, tyro.conf.subcommand("status")]
-    | Annotated[Demo, tyro.conf.subcommand("demo")]
-    | Annotated[Check, tyro.conf.subcommand("check")]
-    | Annotated[Review, tyro.conf.subcommand("review")]
-    | Annotated[Sources, tyro.conf.subcommand("sources")]
-    | Annotated[Cycles, tyro.conf.subcommand("cycles")]
-    | Annotated[Bench, tyro.conf.subcommand("bench")]
-    | Annotated[Ablate, tyro.conf.subcommand("ablate")]
-    | Annotated[Export, tyro.conf.subcommand("export")]
-    | Annotated[ExportPolicy, tyro.conf.subcommand("export-policy")]
-    | Annotated[Sim2Sim, tyro.conf.subcommand("sim2sim")]
-    | Annotated[Render, tyro.conf.subcommand("render")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
-    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
-)
+if TYPE_CHECKING:
+    from kine2go_warp.cli.commands import Doctor as Command
+
+COMMANDS = {
+    "demo": "run_command:Demo",
+    "run": "run_command:Run",
+    "status": "run_command:Status",
+    "motion sources": "motion_commands:Sources",
+    "motion retarget": "motion_commands:Retarget",
+    "motion cycles": "motion_commands:Cycles",
+    "policy train": "train_command:Train",
+    "policy eval": "eval_command:Eval",
+    "policy sim2sim": "sim2sim_command:Sim2Sim",
+    "policy export": "export_policy_command:ExportPolicy",
+    "policy ablate": "ablate_command:Ablate",
+    "dataset gather": "commands:Gather",
+    "dataset check": "check_command:Check",
+    "dataset review": "review_command:Review",
+    "dataset score": "score_command:Score",
+    "dataset quality": "quality_command:Quality",
+    "dataset replay": "replay_command:Replay",
+    "dataset report": "report_command:Report",
+    "dataset render": "render_command:Render",
+    "dataset export": "export_command:Export",
+    "doctor": "commands:Doctor",
+    "bench": "bench_command:Bench",
+}
+"""Where each command is, imported only when it is wanted."""
+
+GROUPS = {
+    "": "whole runs and this machine",
+    "motion": "source clips and their retargeting",
+    "policy": "training and what becomes of a policy",
+    "dataset": "rollouts and the data made of them",
+}
+"""What the commands of a group work on."""
+
+OLD_NAMES = {name.split()[1]: name for name in COMMANDS if " " in name and name != "policy export"}
+OLD_NAMES["export-policy"] = "policy export"
+"""Names that commands had before they were grouped."""
+
+FIRST_STEPS = """From quadruped motion clips to state-action data for the Unitree Go2.
+
+  kine2go demo                          the whole pipeline on a bundled clip, into runs/demo
+  kine2go doctor                        versions, devices, and which motions can be used here
+  kine2go run RECIPE --data FOLDER      all stages for the motions of a recipe
+  kine2go --help                        all commands
+"""
 
 USER_ERROR = 2
 INTERRUPTED = 130
+PIPE_CLOSED = 141
+"""Exit status after the reader of the output has closed the pipe, that of SIGPIPE."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status.
 
-    0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted.
+    0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted; 141 if
+    the output is closed.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    message = ""
     try:
-        given = sys.argv[1:] if arguments is None else arguments
-        # Its options begin with the settings of the preset that they name.
-        train = Annotated[
-            Train, tyro.conf.subcommand("train", default=default_train(given) if "train" in given else Train())
-        ]
-        command = tyro.cli(
-            Command | train,  # pyright: ignore[reportArgumentType]
-            prog="kine2go",
-            description="From quadruped motion clips to state-action data for the Unitree Go2.",
-            args=arguments,
-            config=(tyro.conf.OmitSubcommandPrefixes,),
-            registry=REGISTRY,
-        )
-        return command.run()
+        with named_extras():
+            command = parsed(given)
+            if command is None:
+                return 0
+            message = "kine2go: interrupted; nothing finished is lost, and training continues from its last checkpoint"
+            return command.run()
     except Kine2GoError as error:
         return report(str(error))
+    except BrokenPipeError:
+        # The interpreter would report an error when it flushes into the closed pipe.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
     except OSError as error:
         return report(explain(error))
     except KeyboardInterrupt:
-        print(
-            "kine2go: interrupted; nothing finished is lost, and training continues from its last checkpoint",
-            file=sys.stderr,
-        )
+        if message:
+            print(message, file=sys.stderr)
         return INTERRUPTED
+
+
+def parsed(given: list[str]) -> "Command | None":
+    """Return the command with its options, none if the arguments only ask for information, which is then printed.
+
+    Raises:
+        Kine2GoError: there is no such command.
+    """
+    first = given[0] if given else ""
+    if not given:
+        print(FIRST_STEPS, end="")
+    elif first == "--version":
+        print(f"kine2go {__version__}")
+    elif first in ("-h", "--help", "help"):
+        print_commands(GROUPS)
+    elif first in GROUPS and (len(given) == 1 or given[1] in ("-h", "--help", "help")):
+        print_commands([first])
+    elif first.startswith("--tyro-"):
+        return parse(every_command(), "kine2go", given)
+    else:
+        name, rest = find_command(given)
+        return parse(imported(name), f"kine2go {name}", rest)
+    return None
+
+
+def find_command(given: list[str]) -> tuple[str, list[str]]:
+    """Return the name of a command, of one word or two, and the arguments after it.
+
+    Raises:
+        Kine2GoError: there is no such command.
+    """
+    for count in (2, 1):
+        name = " ".join(given[:count])
+        if name in COMMANDS:
+            return name, given[count:]
+    if given[0] in OLD_NAMES:
+        name = OLD_NAMES[given[0]]
+        if sys.stderr.isatty():
+            print(f"kine2go: '{given[0]}' is now '{name}'; the old name still works", file=sys.stderr)
+        return name, given[1:]
+    from difflib import get_close_matches
+
+    if given[0] in GROUPS:
+        wanted, known = given[1], {name.split()[1]: name for name in COMMANDS if group_of(name) == given[0]}
+    else:
+        wanted, known = (
+            given[0],
+            {name: name for name in (*GROUPS, *COMMANDS) if name and not group_of(name)} | OLD_NAMES,
+        )
+    near = dict.fromkeys(known[name] for name in get_close_matches(wanted, known, n=2))
+    hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "'kine2go --help' lists all"
+    raise Kine2GoError(f"unknown command '{wanted}'; {hint}")
+
+
+def imported(name: str) -> type[Any]:
+    """Return the class of a command."""
+    import importlib
+
+    module, _, kind = COMMANDS[name].partition(":")
+    return getattr(importlib.import_module(f"kine2go_warp.cli.{module}"), kind)
+
+
+def parse(kind: Any, program: str, arguments: list[str]) -> "Command":
+    """Parse the options of a command, or exit if they are wrong or only ask for help."""
+    import tyro
+
+    from kine2go_warp.cli.train_command import REGISTRY
+
+    more = {}
+    if program == "kine2go policy train":
+        from kine2go_warp.cli.train_command import default_train
+
+        more["default"] = default_train(arguments)  # its options begin with the settings of the preset that they name
+    return tyro.cli(
+        kind, prog=program, args=arguments, config=(tyro.conf.OmitSubcommandPrefixes,), registry=REGISTRY, **more
+    )
+
+
+def every_command() -> Any:
+    """Return all commands as one type, from which tyro writes the completions of a shell."""
+    from typing import Annotated, Union
+
+    import tyro
+
+    def union(names: dict[str, str]) -> Any:
+        kinds = [Annotated[imported(full), tyro.conf.subcommand(short)] for short, full in names.items()]
+        return Union[tuple(kinds)]  # noqa: UP007 - of a number of types that is not written here
+
+    groups = []
+    for group in GROUPS:
+        names = {name.split()[-1]: name for name in COMMANDS if group_of(name) == group}
+        groups.append(union(names) if not group else Annotated[union(names), tyro.conf.subcommand(group)])
+    return Union[tuple(groups)]  # noqa: UP007
+
+
+def group_of(name: str) -> str:
+    """Return the group of a command, empty for those of one word."""
+    return name.partition(" ")[0] if " " in name else ""
+
+
+def print_commands(groups: Sequence[str] | dict[str, str]) -> None:
+    """Print the commands of some groups, a line each."""
+    program = "kine2go" if len(groups) > 1 else f"kine2go {next(iter(groups))}"
+    print(f"usage: {program} COMMAND [OPTIONS]; '--help' after a command explains its options")
+    for group in groups:
+        print(f"\n{group or 'runs'}: {GROUPS[group]}")
+        for name in COMMANDS:
+            if group_of(name) == group:
+                summary = (imported(name).__doc__ or "").strip().splitlines()[0]
+                print(f"  {name:<18}{summary}")
 
 
 def report(message: str) -> int:
@@ -93,4 +211,10 @@ def report(message: str) -> int:
 
 def entry_point() -> None:
     """Run the console script."""
-    sys.exit(main())
+    try:
+        status = main()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = PIPE_CLOSED
+    sys.exit(status)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import data_folder
+from kine2go_warp.cli.data import MotionNames, data_folder
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
 
@@ -36,7 +36,7 @@ def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]
 class Retarget:
     """Retarget motions of the catalogue to the Go2, save them as clips and report on their quality."""
 
-    motions: Positional[tuple[str, ...]]
+    motions: MotionNames
     """Names of catalogue entries, such as dog_trot."""
     all: bool = False
     """Every motion of the catalogue whose file is there."""
@@ -147,7 +147,7 @@ class Sources:
 
     action: Positional[Literal["list", "check", "fetch"]]
     """list: what there is. check: whether each file is there and whole. fetch: download what is missing."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of catalogue entries; by default all."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import tyro
 
+from kine2go_warp.cli.data import DatasetPath
+
 
 @dataclass(frozen=True)
 class Quality:
     """Show the quality figures of a dataset's rollouts against the limits that they were filtered by."""
 
-    dataset: tyro.conf.Positional[Path]
+    dataset: DatasetPath
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
     motions: tyro.conf.Positional[tuple[str, ...]] = ()
     """Names of motions; by default all."""

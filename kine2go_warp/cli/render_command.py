@@ -5,6 +5,7 @@ from pathlib import Path
 
 import tyro
 
+from kine2go_warp.cli.data import DatasetPath
 from kine2go_warp.errors import RenderError
 
 Positional = tyro.conf.Positional
@@ -14,7 +15,7 @@ Positional = tyro.conf.Positional
 class Render:
     """Make a video of one trajectory, or of several side by side: what was recorded, without simulating it again."""
 
-    dataset: Positional[Path]
+    dataset: DatasetPath
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
     motion: Positional[str]
     """One of its motions."""

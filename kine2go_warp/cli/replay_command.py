@@ -1,10 +1,11 @@
 """The command that repeats trajectories."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
+
+from kine2go_warp.cli.data import DatasetPath
 
 if TYPE_CHECKING:
     from kine2go_warp.rollouts.replay import ReplayResult
@@ -16,7 +17,7 @@ DIFFERENT = 1
 class Replay:
     """Repeat the recorded commands of trajectories from their initial states and compare with the record."""
 
-    dataset: tyro.conf.Positional[Path]
+    dataset: DatasetPath
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
     motion: tyro.conf.Positional[str | None] = None
     """Name of a motion; by default all of them."""

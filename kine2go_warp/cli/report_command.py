@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
-Positional = tyro.conf.Positional
+from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 
 @dataclass(frozen=True)
 class Report:
     """Show a dataset on one HTML page that needs no network: scores, plots, pictures, settings, licences."""
 
-    dataset: Positional[Path]
+    dataset: DatasetPath
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     out: Path | None = None
     """File to write (.html); by default beside the dataset, named after it."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from kine2go_warp.cli.data import MotionNames
 from kine2go_warp.errors import DatasetError, RecordingError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ class Review:
 
     target: Positional[Path]
     """A dataset (.zarr), or a clip (.npz) made by 'kine2go retarget'."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
     step: bool = False
     """Go through trajectories in the terminal, the most doubtful first, and accept or reject each by a key."""
@@ -110,16 +111,16 @@ class Review:
         from rich.progress import track
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.recordings.cache import RecordingCache
         from kine2go_warp.recordings.motion import Style
-        from kine2go_warp.recordings.shelf import Shelf
         from kine2go_warp.tables import counted
 
         output = console()
-        shelf = Shelf(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
+        cache = RecordingCache(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
         paths = []
         motions = self._motions()
         for motion in track(motions, "recording", console=output, transient=True, disable=not output.is_terminal):
-            one = shelf.put(motion)
+            one = cache.ensure(motion)
             state = "written" if one.is_new else "up to date"
             size = one.path.stat().st_size / 1e6
             print(f"{one.path}: {counted(one.shown, 'trajectory')}, {size:.1f} MB, {state}", flush=True)

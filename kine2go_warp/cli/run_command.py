@@ -4,10 +4,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
-
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import data_folder
+from kine2go_warp.cli.data import RecipePath, data_folder
 from kine2go_warp.errors import PipelineError
 from kine2go_warp.settings import override
 
@@ -17,8 +15,6 @@ if TYPE_CHECKING:
     from kine2go_warp.pipelines.runner import RunResult
     from kine2go_warp.pipelines.workspace import Workspace
 
-Positional = tyro.conf.Positional
-
 INTERRUPTED = 130
 
 
@@ -26,7 +22,7 @@ INTERRUPTED = 130
 class RecipeOptions:
     """Which recipe, with what replaced, and where."""
 
-    recipe: Positional[Path]
+    recipe: RecipePath
     """A TOML file, or the name of a bundled recipe."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""

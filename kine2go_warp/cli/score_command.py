@@ -4,14 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
-
+from kine2go_warp.cli.data import DatasetPath, MotionNames
 from kine2go_warp.errors import DatasetError
 
 if TYPE_CHECKING:
     from kine2go_warp.scores.report import DatasetScores
-
-Positional = tyro.conf.Positional
 
 HEADLINES = {
     "joint_rmse": "joint RMSE",
@@ -28,9 +25,9 @@ HEADLINES = {
 class Score:
     """Score the rollouts of a dataset: tracking, Earth Mover's Distance, slip, effort, smoothness, with intervals."""
 
-    dataset: Positional[Path]
+    dataset: DatasetPath
     """A dataset made by 'kine2go gather' or 'kine2go run'."""
-    motions: Positional[tuple[str, ...]] = ()
+    motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     json: Path | None = None
     """Write all figures of all motions to this file."""

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
-
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.eval_command import add_columns, cells, check_output, print_early_ends
+from kine2go_warp.cli.data import PolicyPath
+from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,16 +19,16 @@ if TYPE_CHECKING:
 class Sim2Sim:
     """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton."""
 
-    policy: tyro.conf.Positional[Path]
+    policy: PolicyPath
     """Policy folder made by 'kine2go train'."""
     exported: Path | None = None
     """Its export; by default export in the policy folder, which is made if it is missing."""
     worlds: int = 32
-    """Rollouts of each clip; their beginnings are spread evenly over the cycle."""
+    """Rollouts of each clip; initial phases and headings are evenly spaced."""
     seconds: float = 20.0
     """Length of a rollout [s]."""
     seed: int = 1
-    """Seed of what differs between the beginnings."""
+    """Seed of what differs between the initial states."""
     json: Path | None = None
     """Write the results to this file; by default sim2sim.json in the policy folder."""
     overwrite: bool = False
@@ -71,20 +70,11 @@ class Sim2Sim:
 
 def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Comparison]") -> None:
     """Print two lines for each clip, and how far the simulations part."""
-    from rich.markup import escape
-    from rich.table import Table
+    from kine2go_warp.cli.tables import print_table, say
 
-    from kine2go_warp.cli.tables import console
-
-    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same beginnings"
-    table = Table(title=escape(title), title_justify="left")
-    add_columns(table, "simulator")
-    for one in found:
-        for result in (one.newton, one.mujoco):
-            table.add_row(*cells(result))
-    output = console()
-    output.print(table)
+    title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same initial states"
+    print_table(results_table(title, "simulator", [result for one in found for result in (one.newton, one.mujoco)]))
     for one in found:
         parts = ", ".join(f"{1e3 * distance:.2g} mm after {time:g} s" for time, distance in one.apart.items())
-        output.print(f"{one.newton.clip}: roots apart (median): {parts}", highlight=False, soft_wrap=True)
-        print_early_ends(output, (one.newton, one.mujoco))
+        say(f"{one.newton.clip}: roots apart (median): {parts}")
+        print_early_ends((one.newton, one.mujoco))

@@ -41,10 +41,18 @@ PACKAGES = (
 )
 
 
+class PlainConsole(Console):
+    """A console whose closed output is an error like that of ``print``, not an exit with a status of its own."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the error that rich has caught."""
+        raise BrokenPipeError
+
+
 def console() -> Console:
     """Return a console that does not fold tables when the output is piped."""
-    output = Console()
-    return output if output.is_terminal else Console(width=140)
+    output = PlainConsole()
+    return output if output.is_terminal else PlainConsole(width=140)
 
 
 FOLDED = 24

@@ -8,13 +8,12 @@ from pathlib import Path
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.data import ClipPaths
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
 from kine2go_warp.settings import are_named, are_pairs, from_dictionary, to_dictionary
 from kine2go_warp.toml import place_in, read_toml, to_toml
-
-Positional = tyro.conf.Positional
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Train:
     stops at once.
     """
 
-    clips: Positional[tuple[Path, ...]] = ()
+    clips: ClipPaths = ()
     """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""

@@ -32,7 +32,7 @@ def open_dataset(path: Path | str, include_rejected: bool = False) -> "Dataset":
     """Open a dataset; nothing but names and attributes is read.
 
     Every loader, export, score and report reads through this, so it is the one place that decides which trajectories
-    count: all stored trajectories with at least one row that nobody rejected in a review. Rollouts that gathering
+    count: all stored trajectories with at least one row that no review rejected. Rollouts that gathering
     rejected lie in a sub-group of their own and are never among them.
 
     Args:

@@ -159,18 +159,29 @@ class ImitationEnvironment:
         gc.collect()
         gc.disable()
         try:
-            with wp.ScopedCapture() as capture:
-                self._step()
+            self._graph = self.capture_step()
         finally:
             gc.enable()
-        self._graph = capture.graph
 
-    def _step(self) -> None:
+    def capture_step(self, simulate: bool = True) -> wp.Graph:
+        """Return a control step as a graph.
+
+        Args:
+            simulate: Whether the robots move. Without it the graph holds all kernels but the solver's and the motors',
+                whose time can so be measured.
+        """
+        with wp.ScopedDevice(self.device), wp.ScopedCapture() as capture:
+            self._step(simulate)
+        assert capture.graph is not None
+        return capture.graph
+
+    def _step(self, simulate: bool = True) -> None:
         """Launch one control step."""
         episodes = self.episodes
         self.motors.set_targets(self.action, episodes.clips, episodes.placement, episodes.reference_step)
         self.randomization.push_robots()
-        self.simulation.advance(self.motors, episodes.reference_step)
+        if simulate:
+            self.simulation.advance(self.motors, episodes.reference_step)
         self.simulation.collect_contacts()
         episodes.advance()
         self._evaluate()

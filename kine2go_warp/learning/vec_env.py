@@ -19,14 +19,13 @@ if TYPE_CHECKING:
 
 
 def share_stream(device: str) -> None:
-    """Make Warp launch on the stream that torch uses, so that neither reads what the other has not written yet.
+    """Make torch launch on Warp's stream, so that neither reads what the other has not written yet.
 
-    Call it before the environment is built. Graphs cannot be captured on the default stream, hence a new one.
+    Call it before the environment is built. Warp's stream is ordered with the default stream, on which Warp frees
+    memory; torch's own streams are not.
     """
     if device.startswith("cuda"):
-        stream = torch.cuda.Stream(device)
-        torch.cuda.set_stream(stream)
-        wp.set_stream(wp.stream_from_torch(stream), device)
+        torch.cuda.set_stream(wp.stream_to_torch(wp.get_device(device)))
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ class BufferedVecEnv(VecEnv):
         return TensorDict(observations, batch_size=[self.num_envs])  # pyright: ignore[reportArgumentType]
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
-        """Advance all worlds by one control step; see ``VecEnv.step``."""
+        """Advance all worlds by one control step; see ``VecEnv.step``. What it returns are copies."""
         buffers = self.buffers
         buffers.action.copy_(actions)
         self.advance()
@@ -137,7 +136,8 @@ class BufferedVecEnv(VecEnv):
             self.on_step()
         terms = buffers.reward_terms.mean(dim=0)
         log = {f"Reward/{name}": terms[index] for index, name in enumerate(self.config.reward_names)}
-        return self.get_observations(), buffers.reward, buffers.done, {"time_outs": buffers.time_out, "log": log}
+        extras = {"time_outs": buffers.time_out.clone(), "log": log}
+        return self.get_observations(), buffers.reward.clone(), buffers.done.clone(), extras
 
 
 class ImitationVecEnv(BufferedVecEnv):

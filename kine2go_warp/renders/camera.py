@@ -22,6 +22,18 @@ TURN_SMOOTHING = 1.0
 
 
 @dataclass(frozen=True)
+class Pose:
+    """Where a robot is and how it holds its legs."""
+
+    root_position: NDArray[np.floating]
+    """Base link origin in the world [m], shape [3]."""
+    root_orientation: NDArray[np.floating]
+    """Base link in the world, (w, x, y, z), shape [4]."""
+    joint_position: NDArray[np.floating]
+    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
+
+
+@dataclass(frozen=True)
 class View:
     """Where the camera looks."""
 
@@ -53,7 +65,7 @@ class FollowCamera:
             root_orientation: (w, x, y, z), shape [num_rows, 4].
             rate: Rows a second [Hz].
         """
-        yaw = np.unwrap(heading(root_orientation))
+        yaw = np.unwrap(heading(root_orientation)).astype(np.float64)
         targets = smoothed(np.asarray(root_position, np.float64), SMOOTHING * rate)
         targets[:, 2] -= 0.06  # the middle of the robot is lower than its base
         return cls(targets, np.rad2deg(smoothed(yaw[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)

@@ -9,7 +9,7 @@ draws.
 import contextlib
 import ctypes.util
 import os
-import pickle
+import pickle  # between this process and the one that it starts; nothing comes from a file
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -19,29 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
-from kine2go_warp.renders.camera import View
+from kine2go_warp.renders import HELP
+from kine2go_warp.renders.camera import Pose, View
 
 Picture = NDArray[np.uint8]
 
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Ways to draw without a display, and the library that each needs."""
 
-HELP = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6 and set MUJOCO_GL=osmesa"
-
 PATIENCE = 5.0
 """How long the process may take to end [s]."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where a robot is and how it holds its legs."""
-
-    root_position: NDArray[np.floating]
-    """Base link origin in the world [m], shape [3]."""
-    root_orientation: NDArray[np.floating]
-    """Base link in the world, (w, x, y, z), shape [4]."""
-    joint_position: NDArray[np.floating]
-    """In the order of ``RobotSpec.joint_names`` [rad], shape [12]."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import RenderError
+from kine2go_warp.renders import HELP
 from kine2go_warp.renders.camera import View
-from kine2go_warp.renders.process import HELP
 from kine2go_warp.renders.scene import ROBOT_GROUP, Scene, shown_shapes
 
 mujoco: Any = mujoco_package  # its module is compiled: type checkers do not know what is in it

@@ -6,7 +6,7 @@ import mujoco as mujoco_package
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.renders.process import Pose
+from kine2go_warp.renders.camera import Pose
 from kine2go_warp.robots import RobotSpec
 
 mujoco: Any = mujoco_package  # its module is compiled: type checkers do not know what is in it

@@ -14,10 +14,10 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.errors import RenderError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.renders.camera import FollowCamera
+from kine2go_warp.renders.camera import FollowCamera, Pose
 from kine2go_warp.renders.captions import caption
 from kine2go_warp.renders.encoding import check_ending, possible_rate, write_video
-from kine2go_warp.renders.process import Picture, Pose, RenderProcess, RenderRequest
+from kine2go_warp.renders.process import Picture, RenderProcess, RenderRequest
 
 POSE_ARRAYS = ("root_position", "root_orientation", "joint_position")
 SHOWN_ARRAYS = (*POSE_ARRAYS, *(f"reference_{name}" for name in POSE_ARRAYS))

@@ -38,7 +38,7 @@ class AI4Animation(MotionSource):
     forward_lift: ClassVar[float] = 0.04
     foot_outward: ClassVar[float] = 0.1
     rate: ClassVar[float] = 60.0
-    """Of files whose rate nobody states [Hz]."""
+    """Frame rate of files that do not state one [Hz]."""
     tells_rate: ClassVar[bool] = False
 
     def read(self, path: Path) -> KeypointMotion:

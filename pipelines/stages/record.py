@@ -32,14 +32,14 @@ class RecordStage:
         """Record the most doubtful trajectories."""
         from kine2go_warp.dataset.motion import Motion
         from kine2go_warp.files import sha256_of
+        from kine2go_warp.recordings.cache import RecordingCache
         from kine2go_warp.recordings.motion import Style
-        from kine2go_warp.recordings.shelf import Shelf
 
         del upstream
-        shelf = Shelf(folder, Style(job.recipe.record.trajectories))
-        shelved = shelf.put(Motion(job.workspace.dataset, job.motion))
-        monitor.advanced(1, 1, f"{shelved.shown} trajectories")
-        return StageOutput(sha256_of(shelved.path)[:32], {"shown": shelved.shown})
+        cache = RecordingCache(folder, Style(job.recipe.record.trajectories))
+        cached = cache.ensure(Motion(job.workspace.dataset, job.motion))
+        monitor.advanced(1, 1, f"{cached.shown} trajectories")
+        return StageOutput(sha256_of(cached.path)[:32], {"shown": cached.shown})
 
     def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the recording and its note."""

@@ -10,8 +10,9 @@ import sys
 
 import pytest
 
+from kine2go_warp import __version__
 from kine2go_warp.cli.data import DATA_VARIABLE
-from kine2go_warp.cli.main import main
+from kine2go_warp.cli.main import COMMANDS, GROUPS, OLD_NAMES, main
 from kine2go_warp.errors import explain
 from tests.conftest import ANYTHING_GOES
 
@@ -31,16 +32,84 @@ def kine2go(*arguments, cwd, **options):
     )
 
 
-COMMANDS = ["", "retarget", "train", "gather", "run", "demo", "check", "score", "export", "sources"]
-COMMANDS += ["quality", "replay", "cycles", "bench", "doctor", "eval", "export-policy", "sim2sim"]
-COMMANDS += ["ablate", "status"]
+NAMES = ["", *GROUPS, *COMMANDS, *OLD_NAMES]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", dict.fromkeys(NAMES))
 def test_every_command_explains_itself(command, tmp_path):
     result = kine2go(*command.split(), "--help", cwd=tmp_path)
     assert result.returncode == 0
     assert "usage: kine2go" in result.stdout
+
+
+def test_the_bare_command_shows_what_to_do_first(capsys):
+    assert main([]) == 0
+    assert "kine2go demo" in capsys.readouterr().out
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"kine2go {__version__}\n"
+
+
+def test_the_package_runs_as_a_module(tmp_path):
+    command = [sys.executable, "-m", "kine2go_warp", "--version"]
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.startswith(
+        "kine2go"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        ("trian", "did you mean 'policy train'?"),
+        ("datset check", "did you mean 'dataset'?"),
+        ("dataset scroe", "did you mean 'dataset score'?"),
+        ("xyzzy", "'kine2go --help' lists all"),
+    ],
+)
+def test_a_mistyped_command_gets_a_suggestion(arguments, hint, capsys):
+    assert main(arguments.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kine2go: error: unknown command")
+    assert hint in line
+
+
+def test_an_old_name_works_and_a_person_gets_to_know_the_new_one(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    assert main(["sources", "list"]) == 0
+    assert capsys.readouterr().err == "kine2go: 'sources' is now 'motion sources'; the old name still works\n"
+    assert main(["doctor"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("arguments", ["--help", "motion sources list"])
+def test_output_that_nobody_reads_ends_quietly(arguments, tmp_path):
+    """The reader closes the pipe before the command writes."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*KINE2GO, *arguments.split()]
+    result = subprocess.run(command, cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (result.returncode, result.stderr) == (141, "")
+
+
+def test_an_interruption_while_a_command_is_imported_is_quiet(capsys, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kine2go_warp.cli.main.imported", interrupt)
+    assert main(["doctor"]) == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_a_missing_package_is_named_with_its_extra(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "placo", None)
+    monkeypatch.delitem(sys.modules, "kine2go_warp.motions.inverse_kinematics", raising=False)
+    assert main(["motion", "retarget", "dog_trot", "--out", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "placo is not installed" in line
+    assert "kine2go-warp[retarget]" in line
 
 
 BAD_INPUT = {
@@ -149,7 +218,7 @@ def test_sources_are_listed_and_checked(tmp_path):
     assert listed.returncode == 0
     assert "solo8_crawl_fast" in listed.stdout
     assert "CC BY-SA 4.0" in listed.stdout
-    assert "its reference is the ellipse walk" in listed.stdout
+    assert "No jump: a second ellipse walk" in listed.stdout
     checked = kine2go("sources", "check", "dog_trot", "ai4_dog_pace", cwd=tmp_path)
     assert checked.returncode == 2
     assert "whole" in checked.stdout

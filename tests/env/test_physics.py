@@ -245,6 +245,7 @@ def test_a_joint_held_by_friction_does_not_creep(standing_clip, target_config, j
 
 @pytest.mark.parametrize(("joint", "sign"), [(0, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)])
 def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standing_clip, target_config, joint, sign):
+    """Case 05-motor-speed."""
     # The other joints are held; the driven one has a target so far beyond its stop that all the torque is demanded.
     config = replace(limp(target_config), motor=MotorConfig(60.0, 2.0))
     environment = ImitationEnvironment([standing_clip], config, "cpu")

@@ -8,7 +8,7 @@ import torch
 
 from kine2go_warp.device import choose_processes
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.errors import SimulationError
+from kine2go_warp.errors import Kine2GoError, SimulationError
 from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 
@@ -48,7 +48,12 @@ def test_two_processes_give_the_same_bits_as_one_and_a_dead_worker_is_reported(c
 
 @pytest.mark.parametrize(
     ("wanted", "num_worlds", "device", "chosen"),
-    [(3, 256, "cpu", 3), (3, 2, "cpu", 2), (None, 31, "cpu", 1), (None, 4096, "cuda:0", 1), (0, 64, "cpu", 1)],
+    [(3, 256, "cpu", 3), (3, 2, "cpu", 2), (None, 31, "cpu", 1), (None, 4096, "cuda:0", 1)],
 )
 def test_the_number_of_processes(wanted, num_worlds, device, chosen):
     assert choose_processes(wanted, num_worlds, device) == chosen
+
+
+def test_no_processes_at_all_are_refused():
+    with pytest.raises(Kine2GoError, match="must be at least 1"):
+        choose_processes(0, 64, "cpu")

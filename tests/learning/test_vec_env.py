@@ -1,15 +1,19 @@
+import numpy as np
 import torch
 import warp as wp
 
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 
 
-def test_tensors_share_their_memory_with_the_environment(environment):
+def test_what_a_step_returns_is_not_overwritten_by_the_next(environment):
     env = ImitationVecEnv(environment)
     _, reward, done, extras = env.step(torch.zeros(env.num_envs, 12))
-    assert reward.data_ptr() == environment.reward.ptr
-    assert done.data_ptr() == environment.episodes.done.ptr
-    assert extras["time_outs"].data_ptr() == environment.episodes.time_out.ptr
+    returned = (reward, done, extras["time_outs"])
+    kept = [values.clone() for values in returned]
+    np.testing.assert_array_equal(reward, environment.reward.numpy())
+    _, second, *_ = env.step(torch.ones(env.num_envs, 12))
+    assert all(torch.equal(values, before) for values, before in zip(returned, kept, strict=True))
+    assert not torch.equal(second, reward)
 
 
 def test_an_observation_is_not_overwritten_by_the_next_step(environment):

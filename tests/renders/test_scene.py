@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.renders.process import Pose
+from kine2go_warp.renders.camera import Pose
 from kine2go_warp.renders.scene import Scene
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions

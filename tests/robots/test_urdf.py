@@ -39,6 +39,7 @@ def compiled(urdf, merges_itself):
 
 
 def test_bodies_shapes_and_joints_are_those_that_mujoco_merges():
+    """Case 03-merged-calf-inertia."""
     root = ElementTree.fromstring(CHAIN)
     merge_fixed_links(root)
     ours, theirs = compiled(ElementTree.tostring(root, encoding="unicode"), False), compiled(CHAIN, True)

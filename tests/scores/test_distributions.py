@@ -15,7 +15,7 @@ from tests.conftest import ANYTHING_GOES
 def dataset(policy, tmp_path_factory):
     """Rollouts of a poor policy, some rejected for their slip."""
     path = tmp_path_factory.mktemp("quality") / "dataset.zarr"
-    limits = {**ANYTHING_GOES, "max_foot_slip": 0.3}
+    limits = {**ANYTHING_GOES, "max_foot_slip": 0.25}
     config = GatherConfig(trajectories=4, rows=40, num_worlds=8, keep_rejected=True, **limits)
     gather(policy, DatasetWriter(path, GO2), config, "cpu")
     return path
@@ -23,8 +23,8 @@ def dataset(policy, tmp_path_factory):
 
 def test_accepted_rollouts_lie_within_the_limit_and_rejected_ones_beyond(dataset):
     slip = next(one for one in distributions(dataset, "dog_trot") if one.name == "foot_slip")
-    assert slip.limit == pytest.approx(0.3)
-    assert slip.accepted.max() <= 0.3
+    assert slip.limit == pytest.approx(0.25)
+    assert slip.accepted.max() <= 0.25
     assert len(slip.rejected) > 0
     assert slip.quantile(0.5) == pytest.approx(np.median(slip.accepted))
 

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
+from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.summary import summarise_motion
 from kine2go_warp.robots import GO2
 from kine2go_warp.scores.registry import METRICS
@@ -19,7 +20,7 @@ def measured(simulated):
 
 def test_scores_agree_with_the_summary_of_the_dataset(measured, simulated_dataset):
     estimates = score([measured]).motions["dog_trot"]
-    summary = summarise_motion(simulated_dataset, "dog_trot")
+    summary = summarise_motion(open_dataset(simulated_dataset), "dog_trot")
     for name in ("joint_rmse", "root_error", "root_angle", "foot_error"):
         assert estimates[name].value == pytest.approx(getattr(summary, name), rel=1e-5)
     assert (measured.trajectories, measured.rows) == (4, 240)
@@ -56,9 +57,9 @@ def test_what_cannot_be_measured_is_null(measured, tmp_path):
 
 
 def test_another_robot_model_is_remarked_on(simulated_dataset, tmp_path):
-    assert robot_note(simulated_dataset, GO2) == ""
+    assert robot_note(open_dataset(simulated_dataset), GO2) == ""
     copy = tmp_path / "dataset.zarr"
     shutil.copytree(simulated_dataset, copy)
     text = (copy / "zarr.json").read_text()
     (copy / "zarr.json").write_text(text.replace(GO2.model_hash, "0" * 64))
-    assert "another robot model" in robot_note(copy, GO2)
+    assert "another robot model" in robot_note(open_dataset(copy), GO2)

@@ -74,7 +74,7 @@ def torque_error(block: Block) -> Array | None:
     substeps, frequency = settings.physics_substeps, settings.control_frequency
     lags = np.array([latency_rows(latency, substeps, frequency) for latency in block["randomization/latency"]])
     error = np.full(block.num_trajectories, np.nan)
-    for lag in np.unique(lags):
+    for lag in np.unique(lags[lags < block.num_rows]):
         chosen = np.flatnonzero(lags == lag)
         error[chosen] = motor_error(block.selected(chosen), int(lag), 1.0 / (substeps * frequency))
     return error

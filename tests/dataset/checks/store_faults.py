@@ -62,6 +62,7 @@ STORE_FAULTS = {
         others=("time", "start phase", "root linear velocity, overall", "joint position reward",
                 "foot position reward", "root pose reward"),
     ),
+    "damaged file of reviews": Fault(lambda path: (path / "verdicts.json").write_text("{"), "reviews", None),
     "no gains": Fault(attribute("stiffness", None), "root attributes", None),
     "another number accepted": Fault(attribute("accepted", 4, motion=True), "attributes", None, others=INDEX),
     "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None, others=INDEX),

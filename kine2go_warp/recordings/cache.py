@@ -7,16 +7,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import rerun as rr
+
 from kine2go_warp import __version__
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.verdicts import read_verdicts
 from kine2go_warp.errors import RecordingError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, sha256_of
 from kine2go_warp.recordings.motion import Style, record_motion
 
 
 @dataclass(frozen=True)
-class Shelved:
+class CachedRecording:
     """One recording of a folder."""
 
     path: Path
@@ -26,7 +28,7 @@ class Shelved:
     """Whether it was written now."""
 
 
-class Shelf:
+class RecordingCache:
     """The recordings of a folder. Beside each lies a note, ``MOTION.json``, of what it shows."""
 
     def __init__(self, folder: Path, style: Style, overwrite: bool = False) -> None:
@@ -48,7 +50,7 @@ class Shelf:
         """Return where the recording of a motion lies."""
         return self.folder / f"{motion}.rrd"
 
-    def put(self, motion: Motion, on_write: Callable[[], None] | None = None) -> Shelved:
+    def ensure(self, motion: Motion, on_write: Callable[[], None] | None = None) -> CachedRecording:
         """Write the recording of a motion, unless it is there and shows the same.
 
         Args:
@@ -62,8 +64,8 @@ class Shelf:
         path, content = self.path(motion.name), self.content(motion)
         note = path.with_suffix(".json")
         known = read_note(note)
-        if path.is_file() and known.get("content") == content and self._is_enough(known):
-            return Shelved(path, known["shown"], is_new=False)
+        if known.get("content") == content and self._is_enough(known) and is_whole(path, known):
+            return CachedRecording(path, known["shown"], is_new=False)
         if path.exists() and not note.is_file() and not self.overwrite:
             raise RecordingError(f"{path}: exists and was not made from a dataset; choose another folder with --out, "
                                  "or replace it with --overwrite")  # fmt: skip
@@ -72,9 +74,9 @@ class Shelf:
         note.unlink(missing_ok=True)
         shown = record_motion(motion, path, self.style)
         with atomic_file(note) as temporary:
-            limit = self.style.trajectories
-            temporary.write_text(json.dumps({"content": content, "trajectories": limit, "shown": shown}) + "\n")
-        return Shelved(path, shown, is_new=True)
+            values = {"content": content, "trajectories": self.style.trajectories, "shown": shown}
+            temporary.write_text(json.dumps({**values, "rerun": rr.__version__, "sha256": sha256_of(path)}) + "\n")
+        return CachedRecording(path, shown, is_new=True)
 
     def content(self, motion: Motion) -> str:
         """Return a hash of all that a recording is made from, but for the number of trajectories."""
@@ -93,6 +95,11 @@ class Shelf:
         """Return whether a recording shows as many trajectories as are wanted."""
         limit, wanted = known.get("trajectories"), self.style.trajectories
         return limit is None or (wanted is not None and limit >= wanted)
+
+
+def is_whole(path: Path, known: dict[str, Any]) -> bool:
+    """Return whether a file is the one that was noted, written by this version of Rerun, which reads no other."""
+    return path.is_file() and known.get("rerun") == rr.__version__ and known.get("sha256") == sha256_of(path)
 
 
 def read_note(path: Path) -> dict[str, Any]:
