@@ -47,7 +47,7 @@ HIGH_FREQUENCY = 15.0
 """[Hz]"""
 
 
-def _figure(unit: str, meaning: str) -> Any:
+def _metric(unit: str, meaning: str) -> Any:
     """Return a field with what a dataset says of it."""
     return field(metadata={"units": unit, "description": meaning})
 
@@ -56,37 +56,37 @@ def _figure(unit: str, meaning: str) -> Any:
 class Fidelity:
     """Figures of one clip against its source. NaN where a figure has no meaning, such as a flight that never is."""
 
-    trunk_pitch: float = _figure(
+    trunk_pitch: float = _metric(
         "deg",
         "pitch of the base less that of the line from hips to shoulders, mean over the frames; nose-up is positive",
     )
-    swing_front: float = _figure("1", "median over swings of the fore feet's greatest height over the animal's, scaled")
-    swing_hind: float = _figure("1", "median over swings of the hind feet's greatest height over the animal's, scaled")
-    duty: float = _figure("1", "share of time that feet stand, less the animal's, mean over the feet")
-    height_correlation: float = _figure(
+    swing_front: float = _metric("1", "median over swings of the fore feet's greatest height over the animal's, scaled")
+    swing_hind: float = _metric("1", "median over swings of the hind feet's greatest height over the animal's, scaled")
+    duty: float = _metric("1", "share of time that feet stand, less the animal's, mean over the feet")
+    height_correlation: float = _metric(
         "1", "correlation of the base's height with that of the middle of the animal's trunk"
     )
-    base_dip: float = _figure("m", "how far the base sinks below the animal's trunk, from their median distance")
-    seam_acceleration: float = _figure("m/s^2", "greatest horizontal acceleration of the base within 0.1 s of the seam")
-    other_acceleration: float = _figure("m/s^2", "99th percentile of the base's horizontal acceleration elsewhere")
-    animal_acceleration: float = _figure(
+    base_dip: float = _metric("m", "how far the base sinks below the animal's trunk, from their median distance")
+    seam_acceleration: float = _metric("m/s^2", "greatest horizontal acceleration of the base within 0.1 s of the seam")
+    other_acceleration: float = _metric("m/s^2", "99th percentile of the base's horizontal acceleration elsewhere")
+    animal_acceleration: float = _metric(
         "m/s^2",
         "greatest horizontal acceleration of the animal's trunk within 0.1 s "
         "of the ends of the range, in the clip's time",
     )
-    seam_shift: float = _figure(
+    seam_shift: float = _metric(
         "1", "share of a stride by which the animal's legs at the end of the range are off those at its beginning"
     )
-    contact_slip: float = _figure("m/s", "mean horizontal speed of the lowest point of a foot that is lower than 3 mm")
-    contact_slip_95: float = _figure("m/s", "95th percentile of the same speed")
-    penetration: float = _figure("m", "deepest that any foot is below the floor")
-    knee_bent_margin: float = _figure("rad", "least distance of a knee from its limit when it folds")
-    knee_straight_margin: float = _figure("rad", "least distance of a knee from its limit when it straightens")
-    high_frequency: float = _figure("1", "share of the energy of the joints' velocities above 15 Hz")
-    flight_acceleration: float = _figure(
+    contact_slip: float = _metric("m/s", "mean horizontal speed of the lowest point of a foot that is lower than 3 mm")
+    contact_slip_95: float = _metric("m/s", "95th percentile of the same speed")
+    penetration: float = _metric("m", "deepest that any foot is below the floor")
+    knee_bent_margin: float = _metric("rad", "least distance of a knee from its limit when it folds")
+    knee_straight_margin: float = _metric("rad", "least distance of a knee from its limit when it straightens")
+    high_frequency: float = _metric("1", "share of the energy of the joints' velocities above 15 Hz")
+    flight_acceleration: float = _metric(
         "m/s^2", "mean vertical acceleration of the base while no foot stands; -9.81 for a body that flies"
     )
-    flight_share: float = _figure("1", "share of time that no foot stands")
+    flight_share: float = _metric("1", "share of time that no foot stands")
 
     def as_json(self) -> dict[str, float | None]:
         """Return the metrics by name, with null for what has no meaning."""
