@@ -10,6 +10,7 @@ from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.sources import MotionSource, source_named
+from kine2go_warp.toml import read_toml
 
 CATALOGUE_FILE = Path(__file__).with_name("catalogue.toml")
 BUNDLED_FOLDER = Path(__file__).with_name("data")
@@ -73,13 +74,27 @@ class CatalogueEntry:
 
 
 @cache
-def load_catalogue() -> dict[str, CatalogueEntry]:
-    """Return all entries by name.
+def bundled_catalogue() -> dict[str, CatalogueEntry]:
+    """Return the package's own entries by name.
 
     Raises:
         CatalogueError: the catalogue is damaged; the message names the line.
     """
     return parse_catalogue(CATALOGUE_FILE.read_text(encoding="utf-8"), CATALOGUE_FILE.name)
+
+
+def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
+    """Return all entries by name.
+
+    Args:
+        own: A user's own catalogue, whose entries come on top.
+
+    Raises:
+        CatalogueError: a catalogue is not there or damaged; the message names the line.
+    """
+    if own is None:
+        return bundled_catalogue()
+    return bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own))
 
 
 COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
@@ -164,13 +179,13 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
         raise CatalogueError(f"{where}: rate is {rate:g}; choose 1 to 1000 Hz")
 
 
-def motion_named(name: str) -> CatalogueEntry:
-    """Return one entry.
+def motion_named(name: str, own: Path | None = None) -> CatalogueEntry:
+    """Return one entry of the catalogue, or of a user's own.
 
     Raises:
         CatalogueError: there is none of that name; the message lists names that contain the same word.
     """
-    entries = load_catalogue()
+    entries = load_catalogue(own)
     if name in entries:
         return entries[name]
     words = name.lower().replace("-", "_").split("_")

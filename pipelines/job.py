@@ -37,7 +37,7 @@ class Job:
     @property
     def entry(self) -> CatalogueEntry:
         """The motion in the catalogue."""
-        return motion_named(self.motion)
+        return motion_named(self.motion, Path(self.recipe.catalogue) if self.recipe.catalogue else None)
 
     @property
     def robot(self) -> RobotSpec:

@@ -43,6 +43,8 @@ class Recipe:
     """Name of the folder that results go to."""
     motions: tuple[str, ...]
     """Names of catalogue entries."""
+    catalogue: str = ""
+    """TOML file with motions of your own, in the form of the catalogue."""
     robot: str = DEFAULT_ROBOT
     """Name of a robot, or FILE.py:NAME for one of your own."""
     accept: tuple[str, ...] = ()

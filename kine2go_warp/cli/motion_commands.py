@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Positional = tyro.conf.Positional
 
 
-def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]":
+def chosen_entries(names: tuple[str, ...], every: bool, own: Path | None) -> "list[CatalogueEntry]":
     """Return the catalogue entries that are named, or all of them.
 
     Raises:
@@ -27,10 +27,10 @@ def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]
     from kine2go_warp.motions.catalogue import load_catalogue, motion_named
 
     if every:
-        return list(load_catalogue().values())
+        return list(load_catalogue(own).values())
     if not names:
         raise CatalogueError("name at least one motion, or --all; 'kine2go sources list' shows them")
-    return [motion_named(name) for name in names]
+    return [motion_named(name, own) for name in names]
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ class Retarget:
     """Name of the robot, or FILE.py:NAME for one of your own."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    catalogue: Path | None = None
+    """TOML file with motions of your own, in the form of the catalogue."""
     out: Path = Path("runs/clips")
     """Folder for the clips and their report.json."""
     sheets: bool = False
@@ -67,7 +69,7 @@ class Retarget:
 
         spec = robot_named(self.robot)
         folder = data_folder(self.data)
-        entries = chosen_entries(self.motions, self.all)
+        entries = chosen_entries(self.motions, self.all, self.catalogue)
         missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
         solver = InverseKinematics(spec)
         present = [entry for entry in entries if entry not in missing]
@@ -106,7 +108,7 @@ class Cycles:
     file: Positional[Path]
     """A motion file (for Solo8: file.pt:K)."""
     source: str = "ai4animation"
-    """Which reader the file needs: ai4animation, vhdc or solo8."""
+    """Which reader the file needs: ai4animation, vhdc, solo8, or FILE.py:NAME for one of your own."""
     rate: float | None = None
     """Frames per second of a file that cannot tell its own [Hz]; 60 by default."""
     shortest: float = 0.35
@@ -157,6 +159,8 @@ class Sources:
     """Names of catalogue entries; by default all."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    catalogue: Path | None = None
+    """TOML file with motions of your own, in the form of the catalogue."""
     url: str | None = None
     """Address below which the files lie as in the data folder; needed to fetch."""
     yes: bool = False
@@ -166,7 +170,7 @@ class Sources:
         """List, check or fetch."""
         from kine2go_warp.cli.tables import print_file_states, print_motions
 
-        entries = chosen_entries(self.motions, not self.motions)
+        entries = chosen_entries(self.motions, not self.motions, self.catalogue)
         if self.action == "list":
             print_motions(entries, data_folder(self.data))
             return 0

@@ -5,19 +5,28 @@ from kine2go_warp.motions.sources.ai4animation import AI4Animation
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.solo8 import Solo8
 from kine2go_warp.motions.sources.vhdc import Vhdc
+from kine2go_warp.objects import load_object
 
 SOURCES: dict[str, type[MotionSource]] = {source.name: source for source in (AI4Animation, Vhdc, Solo8)}
 """All sources by the name that catalogue entries use."""
 
 
 def source_named(name: str) -> MotionSource:
-    """Return the source of that name.
+    """Return the source of that name, or the one that a reference such as ``my_source.py:MySource`` leads to.
 
     Raises:
-        CatalogueError: there is none.
+        CatalogueError: there is none of that name.
+        Kine2GoError: the reference leads to nothing, or to something else.
     """
+    if ":" in name:
+        found = load_object(name)
+        if not (isinstance(found, type) and issubclass(found, MotionSource)):
+            raise CatalogueError(f"{name}: is no subclass of MotionSource")
+        return found()
     if name not in SOURCES:
-        raise CatalogueError(f"unknown motion source '{name}'; known are: {', '.join(sorted(SOURCES))}")
+        raise CatalogueError(
+            f"unknown motion source '{name}'; known are: {', '.join(sorted(SOURCES))}, or FILE.py:NAME for one of your own"
+        )
     return SOURCES[name]()
 
 
