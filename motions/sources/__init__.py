@@ -24,9 +24,8 @@ def source_named(name: str) -> MotionSource:
             raise CatalogueError(f"{name}: is no subclass of MotionSource")
         return found()
     if name not in SOURCES:
-        raise CatalogueError(
-            f"unknown motion source '{name}'; known are: {', '.join(sorted(SOURCES))}, or FILE.py:NAME for one of your own"
-        )
+        known = ", ".join(sorted(SOURCES))
+        raise CatalogueError(f"unknown motion source '{name}'; known are: {known}, or FILE.py:NAME for one of your own")
     return SOURCES[name]()
 
 
