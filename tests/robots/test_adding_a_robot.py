@@ -153,7 +153,11 @@ def test_clips_without_a_robot_are_the_go2s(clip, tmp_path):
 
 WRONG = {
     "an axis": ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', "must turn about"),
-    "a foot": (f'<sphere radius="{FOOT}"/>', '<sphere radius="0.02"/>', "foot"),
+    "a foot": (
+        f'"{FOOT}"/></geometry></collision>',
+        '"0.02"/></geometry></collision>',
+        "no collision sphere of foot_radius",
+    ),
     "a joint": ("rear_left_elbow", "rear_left_knee", "rear_left"),
     "a chain": ('<parent link="front_left_side"/>', '<parent link="body"/>', "must be on front_left_side"),
     "a turn": ('<origin xyz="0 0 -0.24"/>', '<origin xyz="0 0 -0.24" rpy="0 0.1 0"/>', "not turned"),
