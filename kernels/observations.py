@@ -250,6 +250,14 @@ def motor_offset(view: WorldView, out: wp.array2d(dtype=float), column: int):
 
 
 @wp.kernel
+def joint_friction(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Write the Coulomb friction of the joints [N m]."""
+    world = wp.tid()
+    for joint in range(NUM_JOINTS):
+        out[world, column + joint] = view.motors.friction[world, joint]
+
+
+@wp.kernel
 def latency(view: WorldView, out: wp.array2d(dtype=float), column: int):
     """Write the time from an action to its effect [physics substeps]."""
     world = wp.tid()

@@ -113,6 +113,7 @@ PRIVILEGED_OBSERVATIONS = (
     _term("damping", "damping", _JOINT, "-", "factor on the damping less 1", "scalar"),
     _term("strength", "strength", _JOINT, "-", "factor on the torque less 1", "scalar"),
     _term("motor_offset", "motor_offset", _JOINT, "rad", "error of the motors' zero angle", "angle"),
+    _term("joint_friction", "joint_friction", _JOINT, "N m", "Coulomb friction of the joints", "scalar"),
     _term("latency", "latency", (), "substeps", "time from an action to its effect", "scalar"),
 )
 """What only the critic sees, if anything."""
