@@ -73,12 +73,10 @@ def fill_history(
 
 
 @wp.kernel
-def remember_actions(
-    done: wp.array(dtype=wp.int64), action: wp.array2d(dtype=float), last_action: wp.array2d(dtype=float)
-):
+def remember_actions(view: WorldView):
     """Keep the actions for the next step, zeros in worlds that begin an episode. Launched over [num_worlds, 12]."""
     world, joint = wp.tid()
-    last_action[world, joint] = wp.where(done[world] == wp.int64(0), action[world, joint], 0.0)
+    view.last_action[world, joint] = wp.where(view.done[world] == wp.int64(0), view.action[world, joint], 0.0)
 
 
 @wp.kernel

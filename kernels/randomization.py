@@ -4,7 +4,7 @@ import warp as wp
 
 from kine2go_warp.kernels.resets import random_stream
 from kine2go_warp.kernels.state import RobotState
-from kine2go_warp.kernels.world import BaseBody
+from kine2go_warp.kernels.world import BaseBody, WorldView
 
 wp.set_module_options({"enable_backward": False})
 
@@ -34,19 +34,12 @@ class Draw:
 
 
 @wp.kernel
-def draw_parameter(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    draw: Draw,
-    before: wp.array2d(dtype=float),
-    after: wp.array2d(dtype=float),
-):
+def draw_parameter(view: WorldView, draw: Draw, before: wp.array2d(dtype=float), after: wp.array2d(dtype=float)):
     """Draw the values of every world that is done, shape [num_worlds, number of values]. Launched over [num_worlds]."""
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    rng = random_stream(seed[world], episode[world], draw.stream)
+    rng = random_stream(view.seed[world], view.episode[world], draw.stream)
     if draw.key != 0:
         rng = wp.rand_init(int(rng), draw.key)
     for _first in range(draw.first):
@@ -67,13 +60,11 @@ def draw_parameter(
 
 
 @wp.kernel
-def round_down(
-    done: wp.array(dtype=wp.int64), drawn: wp.array2d(dtype=float), greatest: int, delay: wp.array(dtype=int)
-):
+def round_down(view: WorldView, drawn: wp.array2d(dtype=float), greatest: int):
     """Turn drawn latencies into whole physics substeps in every world that is done. Launched over [num_worlds]."""
     world = wp.tid()
-    if done[world] != wp.int64(0):
-        delay[world] = wp.min(int(drawn[world, 0]), greatest)
+    if view.done[world] != wp.int64(0):
+        view.motors.delay[world] = wp.min(int(drawn[world, 0]), greatest)
 
 
 @wp.kernel
@@ -118,32 +109,19 @@ def apply_friction(
 
 
 @wp.kernel
-def schedule_push(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    interval: wp.vec2,
-    next_push: wp.array(dtype=int),
-):
+def schedule_push(view: WorldView, interval: wp.vec2, next_push: wp.array(dtype=int)):
     """Draw when the first push of an episode comes [control steps]. Launched over [num_worlds]."""
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    rng = random_stream(seed[world], episode[world], 9)
+    rng = random_stream(view.seed[world], view.episode[world], 9)
     # Anywhere in the first interval, so that the worlds are not pushed in time with each other.
     next_push[world] = int(wp.randf(rng, 0.0, interval[1]))
 
 
 @wp.kernel
 def push_robots(
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    reference_step: wp.array(dtype=int),
-    interval: wp.vec2,
-    speed: wp.vec2,
-    next_push: wp.array(dtype=int),
-    robot: RobotState,
-    push: wp.array(dtype=wp.vec3),
+    view: WorldView, interval: wp.vec2, speed: wp.vec2, next_push: wp.array(dtype=int), push: wp.array(dtype=wp.vec3)
 ):
     """Add a horizontal velocity of random direction to the base of every world whose time has come.
 
@@ -151,14 +129,14 @@ def push_robots(
     """
     world = wp.tid()
     push[world] = wp.vec3(0.0, 0.0, 0.0)
-    step = reference_step[world]
+    step = view.reference_step[world]
     if step < next_push[world]:
         return
-    rng = wp.rand_init(int(random_stream(seed[world], episode[world], 10)), step)
+    rng = wp.rand_init(int(random_stream(view.seed[world], view.episode[world], 10)), step)
     direction = 2.0 * wp.PI * wp.randf(rng)
     strength = wp.randf(rng, speed[0], speed[1])
     added = wp.vec3(strength * wp.cos(direction), strength * wp.sin(direction), 0.0)
     for axis in range(2):
-        robot.joint_qd[world, axis] = robot.joint_qd[world, axis] + added[axis]
+        view.robot.joint_qd[world, axis] = view.robot.joint_qd[world, axis] + added[axis]
     push[world] = added
     next_push[world] = step + 1 + int(wp.randf(rng, interval[0], interval[1]))

@@ -24,6 +24,7 @@ from kine2go_warp.kernels.state import (
     leg_joint_position,
 )
 from kine2go_warp.kernels.terrain import Terrain, ground_height
+from kine2go_warp.kernels.world import WorldView
 
 wp.set_module_options({"enable_backward": False})
 
@@ -146,20 +147,13 @@ def choose_episodes(
 
 @wp.kernel
 def reset_joints(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    clips: ReferenceClips,
-    placement: Placement,
+    view: WorldView,
     reference_probability: float,
     position_width: float,
     velocity_width: float,
-    default_position: wp.array(dtype=float),
     joint_lower: wp.array(dtype=float),
     joint_upper: wp.array(dtype=float),
-    robot: RobotState,
     queue: wp.array3d(dtype=float),
-    torque: wp.array2d(dtype=float),
 ):
     """Put the joints of every world that is done on its reference or in the default pose, perturbed within limits.
 
@@ -168,41 +162,36 @@ def reset_joints(
     action takes effect.
     """
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    rng = random_stream(seed[world], episode[world], 1)
-    clip = placement.clip[world]
-    frame = frame_at(clips, placement, world, 0.0)
-    on_reference = starts_on_reference(seed[world], episode[world], reference_probability)
+    seed, episode = view.seed[world], view.episode[world]
+    rng = random_stream(seed, episode, 1)
+    clip = view.placement.clip[world]
+    frame = frame_at(view.clips, view.placement, world, 0.0)
+    on_reference = starts_on_reference(seed, episode, reference_probability)
     for joint in range(NUM_JOINTS):
-        position = default_position[joint]
+        position = view.default_position[joint]
         velocity = float(0.0)
         if on_reference:
-            position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
-            velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
+            position = interpolate_joint(view.clips, view.clips.joint_position, clip, frame, joint)
+            velocity = interpolate_joint(view.clips, view.clips.joint_velocity, clip, frame, joint)
         position += wp.randf(rng, -position_width, position_width)
         position = wp.clamp(position, joint_lower[joint], joint_upper[joint])
-        robot.joint_q[world, FIRST_JOINT_Q + joint] = position
-        robot.joint_qd[world, FIRST_JOINT_QD + joint] = velocity + wp.randf(rng, -velocity_width, velocity_width)
-        torque[world, joint] = 0.0
+        view.robot.joint_q[world, FIRST_JOINT_Q + joint] = position
+        velocity += wp.randf(rng, -velocity_width, velocity_width)
+        view.robot.joint_qd[world, FIRST_JOINT_QD + joint] = velocity
+        view.torque[world, joint] = 0.0
         for slot in range(queue.shape[1]):
             queue[world, slot, joint] = position
 
 
 @wp.kernel
 def reset_root(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    clips: ReferenceClips,
-    placement: Placement,
-    geometry: LegGeometry,
+    view: WorldView,
     reference_probability: float,
     tilt_width: float,
     linear_width: float,
     angular_width: float,
-    robot: RobotState,
-    foot_force: wp.array2d(dtype=wp.vec3),
     warm_start: wp.array2d(dtype=float),
 ):
     """Put the root of every world that is done on its reference, or level above its place, no foot below the floor.
@@ -211,38 +200,39 @@ def reset_root(
     start is cleared: a value that is not finite would poison the new episode.
     """
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    frame = frame_at(clips, placement, world, 0.0)
-    on_reference = starts_on_reference(seed[world], episode[world], reference_probability)
-    root = reference_root(clips, placement, world, frame)
+    seed, episode = view.seed[world], view.episode[world]
+    frame = frame_at(view.clips, view.placement, world, 0.0)
+    on_reference = starts_on_reference(seed, episode, reference_probability)
+    root = reference_root(view.clips, view.placement, world, frame)
     upright = wp.transform_get_rotation(root)
     position = wp.transform_get_translation(root)
-    linear = reference_velocity(clips, placement, world, frame, position)
-    angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    linear = reference_velocity(view.clips, view.placement, world, frame, position)
+    angular = interpolate_turned(view.clips, view.clips.root_angular_velocity, view.placement, world, frame)
     if not on_reference:
         upright = yaw_rotation(heading_of(upright))
         position = wp.vec3(position[0], position[1], -1.0e3)
         linear = wp.vec3(0.0, 0.0, 0.0)
         angular = wp.vec3(0.0, 0.0, 0.0)
-    tilt = random_vector(seed[world], episode[world], 2, tilt_width)
+    tilt = random_vector(seed, episode, 2, tilt_width)
     rotation = wp.normalize(upright * wp.quat_rpy(tilt[0], tilt[1], 0.0))
-    robot.joint_q[world, 0] = position[0]
-    robot.joint_q[world, 1] = position[1]
+    view.robot.joint_q[world, 0] = position[0]
+    view.robot.joint_q[world, 1] = position[1]
     place = wp.vec2(position[0], position[1])
-    least_height = least_root_height(geometry, placement.terrain, robot, place, rotation, world)
-    robot.joint_q[world, 2] = wp.max(position[2], least_height)
+    least_height = least_root_height(view.geometry, view.placement.terrain, view.robot, place, rotation, world)
+    view.robot.joint_q[world, 2] = wp.max(position[2], least_height)
     for axis in range(4):
-        robot.joint_q[world, 3 + axis] = rotation[axis]
+        view.robot.joint_q[world, 3 + axis] = rotation[axis]
 
-    linear += random_vector(seed[world], episode[world], 3, linear_width)
-    angular += random_vector(seed[world], episode[world], 4, angular_width)
-    linear = com_velocity_w(linear, angular, rotation, robot.com_b[world])
+    linear += random_vector(seed, episode, 3, linear_width)
+    angular += random_vector(seed, episode, 4, angular_width)
+    linear = com_velocity_w(linear, angular, rotation, view.robot.com_b[world])
     for axis in range(3):
-        robot.joint_qd[world, axis] = linear[axis]
-        robot.joint_qd[world, 3 + axis] = angular[axis]
+        view.robot.joint_qd[world, axis] = linear[axis]
+        view.robot.joint_qd[world, 3 + axis] = angular[axis]
     for foot in range(NUM_LEGS):
-        foot_force[world, foot] = wp.vec3(0.0, 0.0, 0.0)
+        view.foot_force[world, foot] = wp.vec3(0.0, 0.0, 0.0)
     for index in range(warm_start.shape[1]):
         warm_start[world, index] = 0.0
 

@@ -41,7 +41,7 @@ def body_contact(view: WorldView, out: wp.array2d(dtype=float), column: int):
 
 
 @wp.kernel
-def root_distance(view: WorldView, out: wp.array2d(dtype=float), column: int, max_distance: float):
+def distance(view: WorldView, out: wp.array2d(dtype=float), column: int, max_distance: float):
     """Find roots that are farther from their reference than an annealed limit [m]."""
     world = wp.tid()
     offset = root_position(view.robot, world) - wp.transform_get_translation(view.reference.root[world])
@@ -49,7 +49,7 @@ def root_distance(view: WorldView, out: wp.array2d(dtype=float), column: int, ma
 
 
 @wp.kernel
-def root_rotation(view: WorldView, out: wp.array2d(dtype=float), column: int, max_angle: float):
+def rotation(view: WorldView, out: wp.array2d(dtype=float), column: int, max_angle: float):
     """Find roots that are turned from their reference by more than an annealed limit [rad]."""
     world = wp.tid()
     reference = wp.transform_get_rotation(view.reference.root[world])

@@ -65,11 +65,9 @@ class RandomizedParameter(Quantity):
     array: str = ""
     """Where the environment holds it: ``motors``, ``base`` or ``bodies``, and the name of an array there."""
     operation: Literal["scale", "add", "set"] = "scale"
-    """What a draw does to the nominal value, or to what an earlier draw has left."""
+    """What a draw does to the nominal value or to an earlier draw's. Only what is added may be negative."""
     when: Literal["world", "episode", "push"] = "episode"
     """Drawn when the worlds are made, for each episode, or for each push."""
-    is_signed: bool = False
-    """Whether a draw may be negative."""
     held_as: Quantity | None = None
     """What the simulation holds, where it is another quantity than the recorded one."""
 
@@ -80,72 +78,42 @@ class RandomizedParameter(Quantity):
 
 
 _JOINT, _AXIS = ("joint",), ("axis",)
+_MASS = Quantity("base_mass", "kg", (), "mass of the base")
+_COM = Quantity("base_com", "m", _AXIS, "centre of mass of the base, base frame")
+_DELAY = Quantity("delay", "1", (), "latency in physics substeps", "int32")
 
 RANDOMIZED_PARAMETERS = (
     RandomizedParameter(
-        "base_mass",
-        "kg",
-        (),
-        "mass added to the base",
-        array="base.mass",
-        operation="add",
-        when="world",
-        is_signed=True,
-        held_as=Quantity("base_mass", "kg", (), "mass of the base"),
+        "base_mass", "kg", (), "mass added to the base",
+        array="base.mass", operation="add", when="world", held_as=_MASS,
     ),
     RandomizedParameter(
-        "base_com",
-        "m",
-        _AXIS,
-        "shift of the base's centre of mass, base frame",
-        array="base.com",
-        operation="add",
-        when="world",
-        is_signed=True,
-        held_as=Quantity("base_com", "m", _AXIS, "centre of mass of the base, base frame"),
+        "base_com", "m", _AXIS, "shift of the base's centre of mass, base frame",
+        array="base.com", operation="add", when="world", held_as=_COM,
     ),
     RandomizedParameter(
-        "friction",
-        "1",
-        (),
-        "coefficient of friction between robot and ground",
-        array="bodies.friction",
-        operation="set",
+        "friction", "1", (), "coefficient of friction between robot and ground",
+        array="bodies.friction", operation="set",
     ),
     RandomizedParameter("stiffness", "N m/rad", _JOINT, "stiffness of the motors", array="motors.stiffness"),
     RandomizedParameter("damping", "N m s/rad", _JOINT, "damping of the motors", array="motors.damping"),
     RandomizedParameter("strength", "1", _JOINT, "factor on the torque of the motors", array="motors.strength"),
     RandomizedParameter(
-        "motor_offset",
-        "rad",
-        _JOINT,
-        "error of the motors' zero angle",
-        array="motors.offset",
-        operation="add",
-        is_signed=True,
+        "motor_offset", "rad", _JOINT, "error of the motors' zero angle", array="motors.offset", operation="add"
     ),
     RandomizedParameter("joint_friction", "N m", _JOINT, "Coulomb friction of the joints", array="motors.friction"),
     RandomizedParameter(
-        "latency",
-        "s",
-        (),
-        "time from an action to its effect at the motors",
-        array="motors.delay",
-        operation="set",
-        held_as=Quantity("delay", "1", (), "latency in physics substeps", "int32"),
+        "latency", "s", (), "time from an action to its effect at the motors",
+        array="motors.delay", operation="set", held_as=_DELAY,
     ),
-)
+)  # fmt: skip
 """What is recorded of a world, drawn or not. Pushes are recorded where they happen."""
 
 PUSH_PARAMETERS = (
     RandomizedParameter("push_interval", "s", (), "time between two pushes", operation="set", when="push"),
     RandomizedParameter(
-        "push_speed",
-        "m/s",
-        (),
-        "horizontal velocity added to the base, in a random direction",
-        operation="set",
-        when="push",
+        "push_speed", "m/s", (), "horizontal velocity added to the base, in a random direction",
+        operation="set", when="push",
     ),
-)
+)  # fmt: skip
 """What is drawn for each push."""

@@ -284,7 +284,8 @@ def _parts(record: Any) -> dict[str, Any]:
 def _shortest(record: Named) -> Any:
     """Return the fields of a record, or the value of its main field where the others keep their defaults."""
     main = record.main_field
-    if main and replace(type(record)(record.name), **{main: getattr(record, main)}) == record:
+    others = [one for one in fields(record) if one.name not in ("name", main)]
+    if main and all(getattr(record, one.name) == _default(one) for one in others):
         return _plain(getattr(record, main))
     return _parts(record)
 

@@ -65,7 +65,7 @@ class ImitationEnvironment:
             self.simulation = Simulation(spec, config, ground, self.device)
             self.motors = Motors(config, self.constants)
             self.episodes = Episodes(clips, config, ground, first_world)
-            self.randomization = Randomization(config, self.simulation, self.motors, self.episodes)
+            self.randomization = Randomization(config, self.simulation, self.motors)
             self.robot = self.simulation.robot
             self._build_buffers()
             self.views = {ahead: self._build_view(ahead) for ahead in (0, *config.steps_ahead)}
@@ -102,7 +102,7 @@ class ImitationEnvironment:
         """
         with wp.ScopedDevice(self.device):
             self.episodes.restart(seed, first_world)
-            self.randomization.draw_bodies()
+            self.randomization.draw_bodies(self.views[0])
             self._reset_worlds(starts)
             self._observe()
             self.episodes.done.zero_()
@@ -178,7 +178,7 @@ class ImitationEnvironment:
         """Launch one control step."""
         episodes = self.episodes
         self.motors.set_targets(self.action, episodes.clips, episodes.placement, episodes.reference_step)
-        self.randomization.push_robots()
+        self.randomization.push_robots(self.views[0])
         if simulate:
             self.simulation.advance(self.motors, episodes.reference_step)
         self.simulation.collect_contacts()
@@ -208,45 +208,17 @@ class ImitationEnvironment:
 
     def _reset_worlds(self, starts: EpisodeStart | None = None) -> None:
         """Start a new episode in every world that is done."""
-        episodes, simulation, settings = self.episodes, self.simulation, self.config.reset
+        episodes, view, settings, constants = self.episodes, self.views[0], self.config.reset, self.constants
         episodes.reset()
         if starts is not None:
             episodes.set_starts(starts)
-        self.randomization.reset()
-        drawn = [*episodes.reset_inputs, episodes.clips, episodes.placement]
-        wp.launch(
-            resets.reset_joints,
-            dim=self.num_worlds,
-            inputs=[
-                *drawn,
-                settings.reference_probability,
-                settings.joint_position,
-                settings.joint_velocity,
-                self.constants.default_position,
-                self.constants.joint_lower,
-                self.constants.joint_upper,
-                self.robot,
-                self.motors.target_queue,
-                self.motors.torque,
-            ],
-        )
-        wp.launch(
-            resets.reset_root,
-            dim=self.num_worlds,
-            inputs=[
-                *drawn,
-                simulation.geometry,
-                settings.reference_probability,
-                settings.tilt,
-                settings.linear_velocity,
-                settings.angular_velocity,
-                self.robot,
-                simulation.foot_force,
-                simulation.warm_start,
-            ],
-        )
-        inputs = [episodes.done, self.action, self.last_action]
-        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=inputs)
+        self.randomization.reset(view)
+        widths = [settings.reference_probability, settings.joint_position, settings.joint_velocity]
+        inputs = [view, *widths, constants.joint_lower, constants.joint_upper, self.motors.target_queue]
+        wp.launch(resets.reset_joints, dim=self.num_worlds, inputs=inputs)
+        widths = [settings.reference_probability, settings.tilt, settings.linear_velocity, settings.angular_velocity]
+        wp.launch(resets.reset_root, dim=self.num_worlds, inputs=[view, *widths, self.simulation.warm_start])
+        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=[view])
 
     def _observe(self) -> None:
         """Write the observation of the present state."""

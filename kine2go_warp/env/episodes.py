@@ -52,11 +52,6 @@ class Episodes:
         self.reason_count = wp.zeros(len(config.reason_names), dtype=int)
         self.restart(config.seed)
 
-    @property
-    def reset_inputs(self) -> list[wp.array]:
-        """What every kernel needs that draws something for a new episode."""
-        return [self.done, self.seed, self.episode]
-
     def restart(self, seed: int, first_world: int | None = None) -> None:
         """Forget everything that has happened, and end all episodes."""
         first_world = self.first_world if first_world is None else first_world
@@ -93,7 +88,9 @@ class Episodes:
             resets.draw_episodes,
             dim=self.num_worlds,
             inputs=[
-                *self.reset_inputs,
+                self.done,
+                self.seed,
+                self.episode,
                 self.clips,
                 self.placement,
                 self.phase_table,

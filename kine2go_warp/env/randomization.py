@@ -7,38 +7,27 @@ import warp as wp
 
 from kine2go_warp.env.bodies import Bodies
 from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.episodes import Episodes
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terms.randomization import RandomizationTerm, active
 from kine2go_warp.kernels import randomization
 from kine2go_warp.kernels.randomization import Draw
+from kine2go_warp.kernels.world import WorldView
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 
 NEVER = 2**31 - 1
 """A control step that no episode reaches."""
 
 STREAMS = {
-    "base_mass": (8, 0, 1),
-    "base_com": (8, 1, 1),
-    "friction": (7, 0, 1),
-    "stiffness": (6, 0, 5),
-    "damping": (6, 1, 5),
-    "strength": (6, 2, 5),
-    "motor_offset": (6, 3, 5),
-    "joint_friction": (6, 4, 5),
-    "latency": (6, 60, 1),
-}
+    "base_mass": (8, 0, 1), "base_com": (8, 1, 1), "friction": (7, 0, 1), "stiffness": (6, 0, 5), "damping": (6, 1, 5),
+    "strength": (6, 2, 5), "motor_offset": (6, 3, 5), "joint_friction": (6, 4, 5), "latency": (6, 60, 1),
+}  # fmt: skip
 """Stream, first number and stride of the package's own terms; they decide the bits of every seed."""
 
 OTHER_STREAM = 11
 """The stream of all other terms, each with a key from its name."""
 
-OPERATIONS = {
-    "scale": int(randomization.SCALE),
-    "add": int(randomization.ADD),
-    "set": int(randomization.SET),
-}
+OPERATIONS = {"scale": randomization.SCALE, "add": randomization.ADD, "set": randomization.SET}
 
 
 def parameter_arrays(motors: Motors, bodies: Bodies) -> dict[str, wp.array]:
@@ -57,8 +46,8 @@ def as_rows(array: wp.array) -> wp.array:
 class Randomization:
     """Draws the ranges of the settings and writes them where the physics reads them."""
 
-    def __init__(self, config: EnvConfig, simulation: Simulation, motors: Motors, episodes: Episodes) -> None:
-        self.config, self.simulation, self.motors, self.episodes = config, simulation, motors, episodes
+    def __init__(self, config: EnvConfig, simulation: Simulation, motors: Motors) -> None:
+        self.config, self.motors = config, motors
         num_worlds = config.num_worlds
         self.bodies = Bodies(config, simulation)
         self.next_push = wp.full(num_worlds, NEVER, dtype=int)
@@ -76,13 +65,13 @@ class Randomization:
         """Return the range of a push's parameter, nothing if there are no pushes."""
         return tuple(value for term in active(self.config.randomization, name) for value in term.range)
 
-    def _draw(self, when: str) -> None:
+    def _draw(self, view: WorldView, when: str) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Draw what is drawn at a moment, in every world that is done."""
         before = dict(self.nominal)
         for term in self.config.randomization:
             name = term.drawn_name
             if term.range and term.drawn.when == when:
-                inputs = [*self.episodes.reset_inputs, self._distribution(term), before[name], self.rows[name]]
+                inputs = [view, self._distribution(term), before[name], self.rows[name]]
                 wp.launch(randomization.draw_parameter, dim=self.config.num_worlds, inputs=inputs)
                 before[name] = self.rows[name]
 
@@ -102,42 +91,30 @@ class Randomization:
             draw.key = zlib.crc32(term.name.encode()) % NEVER + 1
         return draw
 
-    def draw_bodies(self) -> None:
+    def draw_bodies(self, view: WorldView) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Draw the base of every world anew. It takes milliseconds a world, so only when all worlds are made anew."""
         if self.config.draws_bodies:
-            self._draw("world")
+            self._draw(view, "world")
             self.bodies.apply_bodies()
 
-    def reset(self) -> None:
+    def reset(self, view: WorldView) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Draw what lasts for an episode, in every world that is done."""
         terms, num_worlds = self.config.randomization, self.config.num_worlds
-        self._draw("episode")
+        self._draw(view, "episode")
         if active(terms, "friction"):
             self.bodies.apply_friction()
         if active(terms, "latency"):
-            inputs = [self.episodes.done, self.latency, self.config.delay_range[1], self.motors.model.delay]
+            inputs = [view, self.latency, self.config.delay_range[1]]
             wp.launch(randomization.round_down, dim=num_worlds, inputs=inputs)
         if self.is_pushing:
-            inputs = [*self.episodes.reset_inputs, self.push_ranges[0], self.next_push]
+            inputs = [view, self.push_ranges[0], self.next_push]
             wp.launch(randomization.schedule_push, dim=num_worlds, inputs=inputs)
 
-    def push_robots(self) -> None:
+    def push_robots(self, view: WorldView) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Push the robots whose time has come."""
         if self.is_pushing:
-            episodes = self.episodes
-            wp.launch(
-                randomization.push_robots,
-                dim=self.config.num_worlds,
-                inputs=[
-                    episodes.seed,
-                    episodes.episode,
-                    episodes.reference_step,
-                    *self.push_ranges,
-                    self.next_push,
-                    self.simulation.robot,
-                    self.push,
-                ],
-            )
+            inputs = [view, *self.push_ranges, self.next_push, self.push]
+            wp.launch(randomization.push_robots, dim=self.config.num_worlds, inputs=inputs)
 
     def parameters(self) -> dict[str, np.ndarray]:
         """Return what holds in each world now, by the names of ``RANDOMIZED_PARAMETERS``, first axis worlds."""

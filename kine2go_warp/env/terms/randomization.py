@@ -41,7 +41,7 @@ class RandomizationTerm(Named):
         if len(self.range) not in (0, 2) or (self.range and not self.range[0] <= self.range[1]):
             raise Kine2GoError(f"{self.name} is {list(self.range)}; it must be empty or [least, greatest]")
         check_ranges(self, range=(-INFINITE, INFINITE))
-        if not self.drawn.is_signed and any(value < 0.0 for value in self.range):
+        if self.drawn.operation != "add" and any(value < 0.0 for value in self.range):
             raise Kine2GoError(f"{self.name} is {list(self.range)}; it must not be negative")
 
     @property

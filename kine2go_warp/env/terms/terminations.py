@@ -34,38 +34,18 @@ class TerminationTerm(Term):
                 raise Kine2GoError(f"params of {self.name} have {name} {value:g}; it must be positive")
 
 
-def _term(
-    name: str, kernel: str, description: str, params: Params = (), unit: str = "", **kind: bool
-) -> TerminationTerm:
-    """Return a term of the package's own kernels."""
-    return TerminationTerm(name, f"{_KERNELS}:{kernel}", params, unit, description, **kind)
+def _term(name: str, description: str, params: Params = (), unit: str = "", **kind: bool) -> TerminationTerm:
+    """Return a term of the package's own kernel of that name."""
+    return TerminationTerm(name, f"{_KERNELS}:{name}", params, unit, description, **kind)
 
 
 TERMINATIONS = (
-    _term("non_finite", "non_finite", "a coordinate is not a finite number", is_fault=True),
-    _term(
-        "overflow",
-        "overflow",
-        "the solver had more contacts or constraints than its buffers hold, and dropped some",
-        is_fault=True,
-    ),
-    _term("body_contact", "body_contact", "base or head touches the ground"),
-    _term(
-        "distance", "root_distance", "the root is too far from its reference", params=(("max_distance", 1.0),), unit="m"
-    ),
-    _term(
-        "rotation",
-        "root_rotation",
-        "the root is turned too far from its reference",
-        params=(("max_angle", 1.5708),),
-        unit="rad",
-    ),
-    _term(
-        "time_out",
-        "time_out",
-        "the episode has reached its longest time; the only end that is bootstrapped",
-        is_time_out=True,
-    ),
+    _term("non_finite", "a coordinate is not a finite number", is_fault=True),
+    _term("overflow", "the solver dropped contacts or constraints for which its buffers had no room", is_fault=True),
+    _term("body_contact", "base or head touches the ground"),
+    _term("distance", "the root is too far from its reference", (("max_distance", 1.0),), "m"),
+    _term("rotation", "the root is turned too far from its reference", (("max_angle", 1.5708),), "rad"),
+    _term("time_out", "the longest time has passed; the only end that is bootstrapped", is_time_out=True),
 )
 """The paper's conditions (appendix, hyperparameter table, "Termination") and the simulation's faults."""
 
