@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kine2go_warp.env.config import ActionConfig, MotorConfig, TerminationConfig
+from kine2go_warp.env.config import ActionConfig, MotorConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
 from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS
 from tests.env.helpers import STILL, drive
 
-ENDLESS = TerminationConfig(1e3, 10.0)
+ENDLESS = with_limits(1e3, 10.0)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def target_config(small_config):
         num_worlds=2,
         action=ActionConfig("absolute", latency=0.02),
         reset=STILL,
-        termination=ENDLESS,
+        terminations=ENDLESS,
         episode_time=60.0,
     )
 
