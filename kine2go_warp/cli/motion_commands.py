@@ -28,7 +28,7 @@ def chosen_entries(names: tuple[str, ...], every: bool) -> "list[CatalogueEntry]
     if every:
         return list(load_catalogue().values())
     if not names:
-        raise CatalogueError("name at least one motion, or --all; 'kine2go sources list' shows them")
+        raise CatalogueError("name at least one motion, or --all; 'kine2go motion sources list' shows them")
     return [motion_named(name) for name in names]
 
 

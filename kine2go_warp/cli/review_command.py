@@ -22,7 +22,7 @@ class Review:
     """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories."""
 
     target: Positional[Path]
-    """A dataset (.zarr), or a clip (.npz) made by 'kine2go retarget'."""
+    """A dataset (.zarr), or a clip (.npz) made by 'kine2go motion retarget'."""
     motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
     step: bool = False

@@ -4,12 +4,10 @@ A verdict belongs to the content of a trajectory: it holds wherever the same row
 gathering again, and lapses when the rows have changed.
 """
 
-import fcntl
 import getpass
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +17,7 @@ import numpy as np
 
 from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, locked
 
 FILE = "verdicts.json"
 LOCK = ".verdicts.lock"
@@ -168,16 +166,8 @@ def _matching(
 
 def _change(dataset: Path, change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> None:
     """Read, change and write the verdicts while nobody else does."""
-    with _locked(dataset):
+    with locked(dataset / LOCK, wait=True):
         verdicts = [asdict(one) for one in change(read_verdicts(dataset))]
         text = json.dumps({"format_version": FORMAT_VERSION, "verdicts": verdicts}, indent=1, ensure_ascii=False)
         with atomic_file(dataset / FILE) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _locked(dataset: Path) -> Iterator[None]:
-    """Wait until no other process changes the verdicts of a dataset, and keep others waiting meanwhile."""
-    with (dataset / LOCK).open("a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

@@ -63,7 +63,10 @@ def trajectory_tab(one: Trajectory, doubt: Doubt, spec: RobotSpec) -> rrb.Horizo
         curves("errors / limits", f"{entity}/plots", ["errors", "limit", "push"]),
         rrb.Tabs(*[curves(f"{leg.name} joints [rad]", f"{entity}/plots/joints/{leg.name}") for leg in spec.legs]),
         curves("reward terms", f"{entity}/plots/reward"),
-        curves("foot force [N]", f"{entity}/plots/force"),
+        rrb.Tabs(
+            curves("foot force [N]", f"{entity}/plots/force"),
+            curves("leg distance [m]", f"{entity}/plots/leg_distance"),
+        ),
         row_shares=[3, 3, 2, 2],
     )
     parts = ("robot", "reference", "targets", "forces", "paths", "push", "pushes")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt, row_errors
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.metrics import CONTACT_FORCE
+from kine2go_warp.metrics import CONTACT_FORCE, FILTER_METRICS
 from kine2go_warp.recordings.pushes import log_pushes
 from kine2go_warp.recordings.robot import RobotDrawer, flat
 from kine2go_warp.recordings.shapes import Poses, reference_poses, robot_poses, skeletons
@@ -112,7 +112,7 @@ def log_paths(columns: Columns, rows: Mapping[str, NDArray]) -> None:
 
 
 def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], doubt: Doubt, spec: RobotSpec) -> None:
-    """Log joints beside their references, errors as shares of their limits, rewards and forces."""
+    """Log joints beside their references, errors as shares of their limits, rewards, forces and leg distance."""
     reference = rows["reference_joint_position"]
     for number, leg in enumerate(spec.legs):
         part = slice(3 * number, 3 * number + 3)
@@ -127,6 +127,17 @@ def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], do
     columns.curves("plots/reward", rows["reward"], [term.replace("_", " ") for term in terms], colours)
     force = np.linalg.norm(rows["foot_contact_force"], axis=-1)
     columns.curves("plots/force", force, LEG_COLOURS, LEG_COLOURS.values())
+    log_leg_distance(columns, rows["leg_distance"], doubt)
+
+
+def log_leg_distance(columns: Columns, distance: NDArray, doubt: Doubt) -> None:
+    """Log the least distance of the legs from one another and the trunk, with a line where the filter rejects."""
+    curves = {"least distance": (distance, ERROR_COLOURS[0])}
+    deepest = dict(zip((one.name for one in FILTER_METRICS), doubt.limits, strict=True))["leg_overlap"]
+    if not np.isnan(deepest):
+        curves["limit"] = (np.full_like(distance, -deepest), LIMIT_COLOUR)
+    values, colours = zip(*curves.values(), strict=True)
+    columns.curves("plots/leg_distance", np.stack(values, axis=1), curves, colours)
 
 
 def log_errors(columns: Columns, rows: Mapping[str, NDArray], doubt: Doubt) -> None:

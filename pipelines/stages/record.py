@@ -10,7 +10,7 @@ from kine2go_warp.pipelines.stages.score import verdicts_on
 
 
 class RecordStage:
-    """Makes ``MOTION.rrd``, and beside it the note by which 'kine2go review' knows that it is up to date."""
+    """Makes ``MOTION.rrd``, and beside it the note by which 'kine2go dataset review' knows that it is up to date."""
 
     name = "record"
     resumable = False

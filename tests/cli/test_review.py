@@ -1,4 +1,4 @@
-"""``kine2go review`` as a person meets it."""
+"""``kine2go dataset review`` as a person meets it."""
 
 import os
 import pty

@@ -114,6 +114,17 @@ def test_errors_are_shares_of_the_limits_and_the_worst_trajectory_comes_first(mo
         assert set(np.ravel(limit)) == {1.0}
 
 
+def test_leg_distance_is_drawn_with_the_depth_at_which_the_filter_rejects(clean_dataset, tmp_path):
+    motion = Motion(clean_dataset, "dog_trot")
+    record_motion(motion, tmp_path / "a.rrd")
+    (one,) = motion.read(motion.references()[1:2], None)
+    recorded = Recorded(tmp_path / "a.rrd")
+    _, curves = recorded.column("/trajectories/001/plots/leg_distance", "Scalars:scalars")
+    assert np.array_equal(np.array(curves, np.float32)[:, 0], one.arrays["leg_distance"])
+    assert set(np.array(curves)[:, 1]) == {-motion.attributes["gather_settings"]["max_leg_overlap"]}
+    assert recorded.fixed("/trajectories/001/plots/leg_distance", "SeriesLines:names") == ["least distance", "limit"]
+
+
 def test_the_text_tells_quality_draw_and_verdict(motion, tmp_path):
     (one,) = motion.read(motion.references()[1:2], None)
     add_verdicts(motion.path, [new_verdict(one, REJECTED, "drags a leg", "Ada")])
