@@ -26,7 +26,7 @@ class Review:
     motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
     step: bool = False
-    """Go through trajectories in the terminal, the most doubtful first, and accept or reject each by a key."""
+    """Go through trajectories in the terminal, those closest to a limit first, and accept or reject each by a key."""
     again: bool = False
     """With --step: also those that have a verdict already."""
     accept: tuple[str, ...] = ()
@@ -38,7 +38,7 @@ class Review:
     who: str | None = None
     """Your name; by default the one that you are logged in with."""
     trajectories: int | None = None
-    """Show so many trajectories of each motion, the most doubtful ones; by default all."""
+    """Show so many trajectories of each motion, those closest to a limit; by default all."""
     meshes: Path | None = None
     """Folder with trunk, hip, thigh and calf as .glb, .obj, .stl or .dae, drawn instead of primitive shapes."""
     out: Path | None = None

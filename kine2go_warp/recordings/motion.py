@@ -1,11 +1,11 @@
-"""The recording of a motion: its trajectories, the most doubtful ones first, on one timeline."""
+"""The recording of a motion: its trajectories, those closest to a limit first, on one timeline."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import rerun as rr
 
-from kine2go_warp.dataset.doubt import Doubt, doubt_of, filter_limits
+from kine2go_warp.dataset.limit_usage import LimitUsage, filter_limits, limit_usage
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.dataset.verdicts import Verdict, standing_verdicts
 from kine2go_warp.errors import DatasetError
@@ -23,7 +23,7 @@ class Style:
     """What a recording shows."""
 
     trajectories: int | None = None
-    """How many, the most doubtful ones; by default all."""
+    """How many, those closest to a limit; by default all."""
     meshes: Meshes | None = None
     """Drawn instead of primitive shapes."""
 
@@ -34,27 +34,27 @@ def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: Robo
     Raises:
         DatasetError: the motion holds no trajectory, or an array cannot be read.
     """
-    shown = most_doubtful(motion, style.trajectories)
+    shown = closest_to_limits(motion, style.trajectories)
     if not shown:
         raise DatasetError(f"motion '{motion.name}' holds no trajectory to record")
     verdicts = {index: verdict_text(one) for index, one in standing_verdicts(motion).items()}
     drawer = RobotDrawer(spec, style.meshes)
-    doubts = [doubt for _, doubt in shown]
+    usages = [usage for _, usage in shown]
     with recording_file(motion.name, motion.attributes.get("fingerprint", ""), path) as recording:
         recording.send_blueprint(motion_layout(motion.name, shown, spec))
-        text = motion_text(motion, doubts, verdicts)
+        text = motion_text(motion, usages, verdicts)
         recording.log("list", rr.TextDocument(text, media_type="text/markdown"), static=True)
-        for one, doubt in shown:
-            log_trajectory(recording, motion, one, doubt, drawer, verdicts.get(one.index, ""))
+        for one, usage in shown:
+            log_trajectory(recording, motion, one, usage, drawer, verdicts.get(one.index, ""))
     return len(shown)
 
 
-def most_doubtful(motion: Motion, count: int | None) -> list[tuple[Trajectory, Doubt]]:
-    """Return trajectories of a motion in memory, the most doubtful ones first."""
+def closest_to_limits(motion: Motion, count: int | None) -> list[tuple[Trajectory, LimitUsage]]:
+    """Return trajectories of a motion in memory, those closest to a limit first."""
     limits = filter_limits(motion.attributes)
     references = [one for one in motion.references() if one.length > 0]
-    known = [(one, doubt_of(one, limits)) for one in motion.read(references, None)]
-    known.sort(key=lambda pair: -pair[1].value)
+    known = [(one, limit_usage(one, limits)) for one in motion.read(references, None)]
+    known.sort(key=lambda pair: -pair[1].worst_limit_ratio)
     return known[:count]
 
 

@@ -29,7 +29,7 @@ class RecordStage:
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
-        """Record the most doubtful trajectories."""
+        """Record the trajectories closest to a limit."""
         from kine2go_warp.dataset.motion import Motion
         from kine2go_warp.files import sha256_of
         from kine2go_warp.recordings.cache import RecordingCache

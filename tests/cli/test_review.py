@@ -95,10 +95,10 @@ def test_keys_accept_reject_skip_and_quit(dataset_copy):
         assert figure in output
 
 
-def test_the_most_doubtful_come_first_and_those_with_a_verdict_not_again(dataset_copy):
+def test_those_closest_to_a_limit_come_first_and_those_with_a_verdict_not_again(dataset_copy):
     whole = shown_order(stepping(dataset_copy, "s\ns\ns\ns\ns\n"))
-    shares = [line for line in stepping(dataset_copy, "s\ns\ns\ns\ns\n").splitlines() if "doubt " in line]
-    figures = [int(line.partition("doubt ")[2].split("%")[0]) for line in shares]
+    shares = [line for line in stepping(dataset_copy, "s\ns\ns\ns\ns\n").splitlines() if "limit usage " in line]
+    figures = [int(line.partition("limit usage ")[2].split("%")[0]) for line in shares]
     assert sorted(whole) == [0, 1, 2, 3, 4]
     assert figures == sorted(figures, reverse=True)
     stepping(dataset_copy, "a\nq\n")

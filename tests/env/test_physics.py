@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from kine2go_warp.env import model
 from kine2go_warp.env.config import ActionConfig, MotorConfig, TerminationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
@@ -207,7 +208,7 @@ def swung(environment, joint, speed, torque, steps):
 
 
 def limp(target_config, **motor):
-    action = ActionConfig("joint_target", latency=0.0)
+    action = ActionConfig("absolute", latency=0.0)
     return replace(target_config, motor=MotorConfig(1e-3, 0.0, **motor), action=action)
 
 
@@ -261,6 +262,17 @@ def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standin
     unlimited.robot.joint_q.assign(joint_q)
     _, velocity = swung(unlimited, joint, 0.0, sign * 900.0, 20)
     assert np.abs(velocity).max() > reached, "without the line it must be faster"
+
+
+def test_the_integrators_joint_damping_changes_nothing_on_joints_without_damping(clip, small_config, monkeypatch):
+    """MuJoCo's ``EULERDAMP`` is switched off: it would factorise the mass matrix a second time for nothing."""
+    without = drive(ImitationEnvironment([clip], small_config, "cpu"), 20, seed=3)
+    monkeypatch.setattr(model, "NO_DAMPING", 0)
+    damped = ImitationEnvironment([clip], small_config, "cpu")
+    assert not damped.simulation.solver.mjw_model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    for one, other in zip(without, drive(damped, 20, seed=3), strict=True):
+        np.testing.assert_allclose(one["joint_q"], other["joint_q"], atol=2e-5)
+        assert np.array_equal(one["done"], other["done"])
 
 
 def test_the_reference_keeps_to_the_motors_torque_speed_line(clip):
