@@ -33,8 +33,6 @@ LEAST_SPEED = 0.05
 """Below this mean speed there is no transport to speak of [m/s]."""
 FOOT_LINKS = slice(12, 16)
 """Where the feet are among the links."""
-CALF_LINKS = slice(2, 12, 3)
-"""Where the knees, the joint centres of the calves, are among the links."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,30 +200,16 @@ def joint_velocity_error(velocity: NDArray, reference_position: NDArray, frame_d
     return root_mean_square(velocity[:, 1:-1], central_difference(reference_position, frame_duration))
 
 
-def foot_slip(
-    link_position: NDArray,
-    link_linear_velocity: NDArray,
-    foot_contact_force: NDArray,
-    foot_radius: float = 0.0,
-    contact_force: float = CONTACT_FORCE,
-) -> Array:
+def foot_slip(contact_velocity: NDArray, foot_contact_force: NDArray, contact_force: float = CONTACT_FORCE) -> Array:
     """Return the mean horizontal speed of the feet over those rows and feet that are in contact [m/s].
 
     Args:
-        link_position: Joint centres and feet [m], shape [num_trajectories, num_rows, 16, 3].
-        link_linear_velocity: Their velocities [m/s], same shape.
-        foot_contact_force: Force of the floor on each foot [N], shape [num_trajectories, num_rows, 4, 3].
-        foot_radius: Radius of the feet [m]. The speed is that of the lowest point of the sphere, so that a foot that
-            rolls without slipping does not count; with 0 it is that of the foot's centre.
+        contact_velocity: Of the points of the feet that touch the floor (``kinematics.contact_velocities``), so that a
+            foot that rolls does not slip [m/s], shape [num_trajectories, num_rows, 4, 3].
+        foot_contact_force: Force of the floor on each foot [N], same shape.
         contact_force: Least force of a contact [N].
     """
-    position, velocity = (np.asarray(values, np.float64) for values in (link_position, link_linear_velocity))
-    calf = position[:, :, FOOT_LINKS] - position[:, :, CALF_LINKS]
-    motion = velocity[:, :, FOOT_LINKS] - velocity[:, :, CALF_LINKS]
-    # Of the calf's angular velocity this is all but the spin about the calf itself, which points do not show.
-    spin = np.cross(calf, motion) / np.sum(calf**2, axis=-1, keepdims=True)
-    lowest = velocity[:, :, FOOT_LINKS] + np.cross(spin, (0.0, 0.0, -foot_radius))
-    speed = np.linalg.norm(lowest[..., :2], axis=-1)
+    speed = np.linalg.norm(contact_velocity[..., :2], axis=-1)
     contact = np.linalg.norm(foot_contact_force, axis=-1) > contact_force
     return mean_per_trajectory(np.where(contact, speed, np.nan))
 

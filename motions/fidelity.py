@@ -5,7 +5,7 @@ follow height and speed (``stance.py``). Pitch is that of the line from the midd
 shoulders; the base of a clip follows pelvis and neck (``targets.py``).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,53 +47,55 @@ HIGH_FREQUENCY = 15.0
 """[Hz]"""
 
 
+def _metric(unit: str, meaning: str) -> Any:
+    """Return a field with what a dataset says of it."""
+    return field(metadata={"units": unit, "description": meaning})
+
+
 @dataclass(frozen=True)
 class Fidelity:
     """Figures of one clip against its source. NaN where a figure has no meaning, such as a flight that never is."""
 
-    trunk_pitch: float
-    """Pitch of the base less that of the line from hips to shoulders, mean over the frames; nose-up is positive
-    [deg]."""
-    swing_front: float
-    """Median over swings of the fore feet's greatest height over the animal's, scaled."""
-    swing_hind: float
-    """The same of the hind feet."""
-    duty: float
-    """Share of time that feet stand, less the animal's, mean over the feet."""
-    height_correlation: float
-    """Correlation of the base's height with that of the middle of the animal's trunk."""
-    base_dip: float
-    """How far the base sinks below the animal's trunk, from their median distance [m]."""
-    seam_acceleration: float
-    """Greatest horizontal acceleration of the base within 0.1 s of the seam [m/s^2]."""
-    other_acceleration: float
-    """Its 99th percentile elsewhere [m/s^2]."""
-    animal_acceleration: float
-    """Greatest horizontal acceleration of the animal's trunk within 0.1 s of the two ends of the range, in the clip's
-    time [m/s^2]."""
-    seam_shift: float
-    """By what share of a stride the animal's legs at the end of the range are off those at its beginning; 0.5 is half a
-    stride."""
-    contact_slip: float
-    """Mean horizontal speed of the lowest point of a foot that is lower than 3 mm [m/s]."""
-    contact_slip_95: float
-    """Its 95th percentile [m/s]."""
-    penetration: float
-    """Deepest that any foot is below the floor [m]."""
-    knee_bent_margin: float
-    """Least distance of a knee from its limit when it folds [rad]."""
-    knee_straight_margin: float
-    """The same when it straightens [rad]."""
-    high_frequency: float
-    """Share of the energy of the joints' velocities above 15 Hz."""
-    flight_acceleration: float
-    """Mean vertical acceleration of the base while no foot stands; -9.81 for a body that flies [m/s^2]."""
-    flight_share: float
-    """Share of time that no foot stands."""
+    trunk_pitch: float = _metric(
+        "deg",
+        "pitch of the base less that of the line from hips to shoulders, mean over the frames; nose-up is positive",
+    )
+    swing_front: float = _metric("1", "median over swings of the fore feet's greatest height over the animal's, scaled")
+    swing_hind: float = _metric("1", "median over swings of the hind feet's greatest height over the animal's, scaled")
+    duty: float = _metric("1", "share of time that feet stand, less the animal's, mean over the feet")
+    height_correlation: float = _metric(
+        "1", "correlation of the base's height with that of the middle of the animal's trunk"
+    )
+    base_dip: float = _metric("m", "how far the base sinks below the animal's trunk, from their median distance")
+    seam_acceleration: float = _metric("m/s^2", "greatest horizontal acceleration of the base within 0.1 s of the seam")
+    other_acceleration: float = _metric("m/s^2", "99th percentile of the base's horizontal acceleration elsewhere")
+    animal_acceleration: float = _metric(
+        "m/s^2",
+        "greatest horizontal acceleration of the animal's trunk within 0.1 s "
+        "of the ends of the range, in the clip's time",
+    )
+    seam_shift: float = _metric(
+        "1", "share of a stride by which the animal's legs at the end of the range are off those at its beginning"
+    )
+    contact_slip: float = _metric("m/s", "mean horizontal speed of the lowest point of a foot that is lower than 3 mm")
+    contact_slip_95: float = _metric("m/s", "95th percentile of the same speed")
+    penetration: float = _metric("m", "deepest that any foot is below the floor")
+    knee_bent_margin: float = _metric("rad", "least distance of a knee from its limit when it folds")
+    knee_straight_margin: float = _metric("rad", "least distance of a knee from its limit when it straightens")
+    high_frequency: float = _metric("1", "share of the energy of the joints' velocities above 15 Hz")
+    flight_acceleration: float = _metric(
+        "m/s^2", "mean vertical acceleration of the base while no foot stands; -9.81 for a body that flies"
+    )
+    flight_share: float = _metric("1", "share of time that no foot stands")
 
     def as_json(self) -> dict[str, float | None]:
         """Return the metrics by name, with null for what has no meaning."""
         return {name: None if np.isnan(value) else value for name, value in asdict(self).items()}
+
+    def described(self) -> dict[str, dict[str, Any]]:
+        """Return value, units and description of each metric by name, as a dataset keeps them."""
+        values = self.as_json()
+        return {one.name: {"value": values[one.name], **one.metadata} for one in fields(self)}
 
     @classmethod
     def from_json(cls, content: dict[str, Any] | None) -> "Fidelity | None":

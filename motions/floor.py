@@ -41,37 +41,31 @@ def fit_floor(motion: KeypointMotion, is_level: bool = False) -> tuple[Array, Ar
     leg_height = motion.points("hip")[..., 2] - toes[..., 2]
     slow &= leg_height > UPRIGHT_SHARE * np.quantile(leg_height, 0.9, axis=0)
     slow[:, ~slow.any(axis=0)] = True
-    leg = np.nonzero(slow)[1]
-    centre = np.median(toes[slow], axis=0)
-    place, height = toes[slow][:, :2] - centre[:2], toes[slow][:, 2]
+    leg, frame = np.nonzero(slow.T)
+    samples = toes[frame, leg]
+    centre = np.median(samples, axis=0)
+    place, height = samples[:, :2] - centre[:2], samples[:, 2]
+    starts = np.searchsorted(leg, np.arange(4))
     slope = np.zeros(2)
-    low = np.array([np.quantile(height[leg == one], 0.1) for one in range(4)])
+    low = np.zeros(4)
     spread = 0.5 * size
     # Half a trunk of way with as many samples as there are: a slope needs more way than that to be believed.
     ridge = len(height) * (0.5 * size) ** 2 * 0.05 * np.eye(2)
-    for turn in range(PASSES):
+    weight = np.ones(len(height))
+    for _ in range(PASSES):
+        total = np.maximum(np.add.reduceat(weight, starts), 1e-9)[:, None]
+        centres = np.add.reduceat(weight[:, None] * place, starts) / total
+        heights = np.add.reduceat(weight * height, starts) / total[:, 0]
+        if not is_level:
+            x, z = place - centres[leg], height - heights[leg]
+            slope = np.linalg.solve((weight[:, None] * x).T @ x + ridge, (weight[:, None] * x).T @ z)
+        low = heights - centres @ slope
         above = height - place @ slope - low[leg]
-        weight = (
-            np.ones(len(height))
-            if turn == 0
-            else np.clip(1.0 - (above / np.where(above > 0.0, 1.5, 4.0) / spread) ** 2, 0.0, None) ** 2
-        )
-        total = np.array([max(weight[leg == one].sum(), 1e-9) for one in range(4)])
-        means = np.array(
-            [(weight[leg == one, None] * np.c_[place, height][leg == one]).sum(axis=0) for one in range(4)]
-        )
-        means /= total[:, None]
-        x, z = place - means[leg, :2], height - means[leg, 2]
-        slope = (
-            np.zeros(2)
-            if is_level
-            else np.linalg.solve((weight[:, None] * x).T @ x + ridge, (weight[:, None] * x).T @ z)
-        )
-        low = means[:, 2] - means[:, :2] @ slope
-        residual = height - place @ slope - low[leg]
         kept = weight > 0.0
-        typical = 1.5 * float(np.median(np.abs(residual[kept]))) if kept.any() else spread
+        typical = 1.5 * float(np.median(np.abs(above[kept]))) if kept.any() else spread
         spread = max(typical, 0.6 * spread, 0.005 * size)
+        share = above / np.where(above > 0.0, 1.5 * spread, 4.0 * spread)
+        weight = np.maximum(1.0 - share * share, 0.0) ** 2
     return slope, np.asarray(low, dtype=np.float64)
 
 

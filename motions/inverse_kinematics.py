@@ -4,6 +4,7 @@ import numpy as np
 import placo  # pyright: ignore[reportMissingImports] - a compiled module
 from numpy.typing import NDArray
 
+from kine2go_warp.motions.body import joints_for
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import continuous, to_rotation
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 class InverseKinematics:
     """Solves for the joint positions that put base and feet on their targets, within the joint limits.
 
-    Each frame starts from the solution of the last one. A frame is solved until no foot is farther than ``tolerance``
+    A frame is solved until no foot is farther than ``tolerance``
     from its target or ``max_iterations`` are used up, which happens only where a target is out of reach.
     """
 
@@ -33,7 +34,7 @@ class InverseKinematics:
         self.joint_slots = [self.robot.get_joint_offset(joint) for joint in spec.joint_names]
 
     def solve(self, targets: Poses) -> tuple[Poses, Array]:
-        """Solve all frames, starting from the robot's standing pose.
+        """Solve all frames, each from the closed-form solution of its legs, which disregards the limits.
 
         Args:
             targets: Poses of the base, with feet.
@@ -46,10 +47,11 @@ class InverseKinematics:
         matrices[:, :3, :3] = to_rotation(targets.root_orientation).as_matrix()
         matrices[:, :3, 3] = targets.root_position
         coordinates = np.empty((len(targets), len(self.robot.state.q)))
+        coordinates[:, :3], coordinates[:, 3:7] = targets.root_position, targets.root_orientation[:, [1, 2, 3, 0]]
+        coordinates[:, self.joint_slots] = joints_for(self.spec, targets)
         residual = np.empty(len(targets))
-        for joint, position in zip(self.spec.joint_names, self.spec.default_joint_position, strict=True):
-            self.robot.set_joint(joint, position)
         for frame, (matrix, feet) in enumerate(zip(matrices, targets.feet, strict=True)):
+            self.robot.state.q = coordinates[frame]
             residual[frame] = self._solve_frame(matrix, feet)
             coordinates[frame] = self.robot.state.q
         # Where feet are out of reach the base gives way to them, so it is read back like the joints.
@@ -58,8 +60,6 @@ class InverseKinematics:
 
     def _solve_frame(self, base: Array, feet: Array) -> float:
         """Solve one frame and return the largest distance of a foot from its target [m]."""
-        # The base has no limits: starting it on its target leaves the solver only the legs to move, as a rule.
-        self.robot.set_T_world_fbase(base)
         self.base_task.T_world_frame = base
         for task, target in zip(self.foot_tasks, feet, strict=True):
             task.target_world = target

@@ -21,6 +21,9 @@ SHORTEST_CYCLE = 0.25
 """A cycle that is shorter holds no stride [s]."""
 SHORTEST_WAY = 0.02
 """Paths that differ by less are alike, however short they are [m]."""
+LEAST_ACCELERATION = 0.1
+"""Bases that accelerate by less elsewhere may do so by as much at the seam: a generated animal goes at one speed
+[m/s^2]."""
 FRICTION_ACCELERATION = 7.8
 """What feet can give to a body by friction of 0.8 [m/s^2]."""
 
@@ -121,8 +124,8 @@ def clip_remarks(quality: ClipQuality) -> list[str]:
         remarks.append(f"base height follows the trunk's with r = {ours.height_correlation:.2f}")
     if ours.base_dip > 0.015:
         remarks.append(f"base dips by {1e3 * ours.base_dip:.0f} mm")
-    at_seam, animal = ours.seam_acceleration, ours.animal_acceleration
-    if at_seam > 1.2 * max(ours.other_acceleration, animal) or at_seam > FRICTION_ACCELERATION > animal:
+    at_seam, usual = ours.seam_acceleration, max(ours.other_acceleration, LEAST_ACCELERATION)
+    if at_seam > 1.2 * usual or at_seam > FRICTION_ACCELERATION > ours.animal_acceleration:
         remarks.append(f"{at_seam:.1f} m/s^2 at the seam, {ours.other_acceleration:.1f} elsewhere")
     if quality.slow_down > 1.0:
         remarks.append(f"slowed by {quality.slow_down:.2f} for the motors")

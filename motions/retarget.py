@@ -108,16 +108,17 @@ def retarget(
     if abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
         raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
     start, end = entry.frames.resolve(motion.num_frames, str(path))
-    targets = pose_targets(motion, source, solver.spec)
+    scaled = motion.scaled(source.scale)
+    standing = standing_height(scaled)
+    targets = pose_targets(motion, source, solver.spec, standing)
     if config.mode == "contact":
         start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
     origin = entry.origin(path, start, end, motion.rate)
     time_scale = source.scale**0.5 if config.time_scale == "froude" else config.time_scale
-    scaled = motion.scaled(source.scale)
     selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip, moved = make(selected, solver, config)
-    keypoints = keypoints_of(clip, scaled, targets, start, end)
+    keypoints = keypoints_of(clip, scaled, float(standing.mean()), targets, start, end)
     clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
@@ -154,19 +155,21 @@ def select(
     return SelectedRange(name, chosen, stance[start - first : end - first], step, time_scale, origin)
 
 
-def keypoints_of(clip: MotionClip, motion: KeypointMotion, targets: Poses, start: int, end: int) -> Skeleton:
+def keypoints_of(
+    clip: MotionClip, motion: KeypointMotion, floor: float, targets: Poses, start: int, end: int
+) -> Skeleton:
     """Return the source's keypoints from ``start`` to ``end``, in the world frame of the clip made from them.
 
     Args:
         clip: The clip.
         motion: The whole motion in the robot's size.
+        floor: Height of its floor [m].
         targets: What it asks for.
         start: First frame of the clip.
         end: The frame after its last.
     """
     wanted = targets.frames(start, end)
     source_root = wanted.root_position, wanted.root_orientation
-    floor = float(standing_height(motion).mean())
     return skeleton_at(motion.frames(start, end), floor, source_root, (clip.root_position, clip.root_orientation))
 
 

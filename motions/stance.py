@@ -1,6 +1,8 @@
 """When each foot stands, and holding it in place while it does."""
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,11 +130,11 @@ def hold_feet(
         runs, low = [], []
         for run in intervals(stance[:, foot]):
             rolled = roll[run.frames]
-            wanted = np.median(raw[run.frames, :2] - rolled, axis=0)
+            wanted = _median(raw[run.frames, :2] - rolled)
             foothold, first, last = _within_reach(wanted, under_hip[run.frames] - rolled, radius[run.frames])
             kept[run.frames, foot] = False
-            moved[run.frames, foot] = np.linalg.norm(foothold - wanted)
-            low.append(np.median(raw[run.frames, 2]))
+            moved[run.frames, foot] = math.hypot(*(foothold - wanted))
+            low.append(_median(raw[run.frames, 2]))
             run = Interval(run.first + first, run.first + last)  # noqa: PLW2901
             kept[run.frames, foot] = True
             path[run.frames, :2], path[run.frames, 2] = foothold + roll[run.frames], 0.0
@@ -158,14 +160,14 @@ def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Arr
     foothold = foothold.copy()
     for _ in range(PROJECTIONS):
         offset = foothold - under_hip
-        distance = np.linalg.norm(offset, axis=1)
+        distance = np.hypot(*offset.T)
         lack = distance - radius
         worst = int(np.argmax(lack))
         if lack[worst] <= 1e-5:
             break
         foothold -= offset[worst] * (lack[worst] / distance[worst])
     first, last = 0, len(under_hip) - 1
-    lack = np.linalg.norm(foothold - under_hip, axis=1) - radius
+    lack = np.hypot(*(foothold - under_hip).T) - radius
     fewest = len(under_hip) * (1.0 - LONGEST_RELEASE)
     while last - first + 1 > fewest and lack[first : last + 1].max() > 1e-3:
         if lack[first] > lack[last]:
@@ -187,28 +189,40 @@ def _bridge(path: Array, own: Array, low: list[Array], clearance: float) -> None
         low: How high the animal's foot stands before and after [m].
         clearance: Least height in the middle, unless the animal's is lower [m].
     """
-    share = np.linspace(0.0, 1.0, len(path))
-    smooth = _smoothstep(share)[:, None]
-    corrected = own + (path[0] - own[0]) * (1.0 - smooth) + (path[-1] - own[-1]) * smooth
+    share, smooth, fade, bump = _swing_curves(len(path))
+    corrected = own + (path[0] - own[0]) * (1.0 - smooth[:, None]) + (path[-1] - own[-1]) * smooth[:, None]
     height = own[:, 2] - (low[0] * (1.0 - share) + low[1] * share)
-    height -= height[0] * _smoothstep(1.0 - share / FADE) + height[-1] * _smoothstep(1.0 - share[::-1] / FADE)
+    height -= height[0] * fade + height[-1] * fade[::-1]
     least = min(clearance, max(float(height.max()), 0.0))
-    corrected[:, 2] = np.maximum(height, least * np.sin(np.pi * share) ** 2)
+    corrected[:, 2] = np.maximum(height, least * bump)
     path[1:-1] = corrected[1:-1]
+
+
+@lru_cache(maxsize=512)
+def _swing_curves(num_frames: int) -> tuple[Array, Array, Array, Array]:
+    """Return over a swing: its share that has passed, a smooth rise, a smooth fall within ``FADE``, and a bump."""
+    share = np.linspace(0.0, 1.0, num_frames)
+    return share, _smoothstep(share), _smoothstep(1.0 - share / FADE), np.sin(np.pi * share) ** 2
 
 
 def _pull_in(path: Array, stands: Mask, under_hip: Array, radius: Array) -> Array:
     """Pull a swinging foot in the plane to where its leg reaches it, and return by how much [m]."""
     offset = path[:, :2] - under_hip
-    distance = np.linalg.norm(offset, axis=1)
+    distance = np.hypot(*offset.T)
     lack = np.where(stands, 0.0, np.maximum(distance - radius, 0.0))
     path[:, :2] -= offset * (lack / np.maximum(distance, 1e-9))[:, None]
     return lack
 
 
+def _median(values: Array) -> Array:
+    """Return the median over the first axis, without NumPy's overhead, which is most of the work on short arrays."""
+    ordered = np.sort(values, axis=0)
+    return 0.5 * (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2])
+
+
 def _smoothstep(share: Array) -> Array:
     """Return 0 below 0, 1 above 1, and a smooth rise between."""
-    x = np.clip(share, 0.0, 1.0)
+    x = np.minimum(np.maximum(share, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 

@@ -19,7 +19,7 @@ LONGEST_FLIGHT = 0.6
 """Largest share of a cycle that an animal is in the air."""
 
 
-def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) -> Poses:
+def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec, standing: Array | None = None) -> Poses:
     """Map an animal's keypoints onto the robot: poses with feet, in the source's frame with the floor at height 0.
 
     The base sits below the midpoint of pelvis and neck and looks from pelvis to neck. Each foot lies where the
@@ -27,13 +27,19 @@ def pose_targets(motion: KeypointMotion, source: MotionSource, spec: RobotSpec) 
     toe standing on the animal's floor becomes a foot standing on the robot's: the foot's *centre* is one foot radius
     up, and the base rises by the mean of what the feet rise.
 
+    Args:
+        motion: The animal's motion.
+        source: How its size maps to the robot's.
+        spec: The robot.
+        standing: What ``standing_height`` says of the scaled motion, if it is known already [m], shape [4].
+
     Raises:
         ClipError: the animal's body has no extent, so that it has no forward direction.
     """
     scaled = motion.scaled(source.scale)
     orientation = root_orientation(scaled, source.forward_lift)
     toes, hips = scaled.points("toe"), scaled.points("hip")
-    stance_height = standing_height(scaled)
+    stance_height = standing_height(scaled) if standing is None else standing
 
     root = 0.5 * (scaled.point("pelvis") + scaled.point("neck"))
     root[:, 2] += spec.foot_radius - float(stance_height.mean()) - source.root_drop

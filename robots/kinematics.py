@@ -1,9 +1,12 @@
 """Closed-form forward kinematics in NumPy, vectorised over any leading dimensions, in double precision."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.robots.spec import RobotSpec
+from kine2go_warp.rotations import rotate
 
 Array = NDArray[np.float64]
 
@@ -80,6 +83,27 @@ def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: floa
     turning = np.asarray(angular_velocity)
     rolling = np.stack([-turning[..., 1], turning[..., 0], np.zeros_like(turning[..., 0])], axis=-1)
     return np.asarray(foot_velocity) + radius * rolling
+
+
+def contact_velocities(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Array:
+    """Return the velocities of the lowest points of the feet [m/s], world frame, shape [..., 4, 3].
+
+    Args:
+        spec: The robot.
+        rows: Row arrays of a dataset by name: velocities of the links, orientation and angular velocity of the root,
+            positions and velocities of the joints, each of shape [..., *row].
+    """
+    joints, rates = (
+        np.asarray(rows[name], np.float64).reshape(*np.shape(rows[name])[:-1], len(spec.legs), 3)
+        for name in ("joint_position", "joint_velocity")
+    )
+    # The hip turns about x; thigh and knee turn about the y axis of the hip.
+    pitch = rates[..., 1] + rates[..., 2]
+    hip = joints[..., 0]
+    turning_b = np.stack([rates[..., 0], np.cos(hip) * pitch, np.sin(hip) * pitch], axis=-1)
+    turning = rotate(rows["root_orientation"][..., None, :], turning_b) + rows["root_angular_velocity"][..., None, :]
+    feet = np.asarray(rows["link_linear_velocity"], np.float64)[..., -len(spec.legs) :, :]
+    return contact_velocity(feet, turning, spec.foot_radius)
 
 
 def leg_angles(spec: RobotSpec, feet_b: Array) -> Array:

@@ -11,8 +11,14 @@ from tests.dataset.test_store import SIMULATION, made_up
 
 RATE = 60.0
 
+FIDELITY = {
+    "trunk_pitch": {"value": -0.55641, "units": "deg", "description": "pitch & <more>"},
+    "flight_acceleration": {"value": None, "units": "m/s^2", "description": "while no foot stands"},
+}
+WALK = {"rejected": {"distance": 2}, "accepted": 3, "licence": "CC BY-NC 4.0", "citation": "One, 2018"}
+
 MOTIONS = {
-    "walk": (60, {"rejected": {"distance": 2}, "accepted": 3, "licence": "CC BY-NC 4.0", "citation": "One, 2018"}),
+    "walk": (60, {**WALK, "fidelity": FIDELITY}),
     "stroll": (30, {"rejected": {}, "accepted": 3, "licence": "CC BY-SA 4.0", "citation": "Two & <b>Three</b>"}),
 }
 """Rows and attributes of each motion."""

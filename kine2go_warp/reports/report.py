@@ -173,6 +173,7 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
             scores.motions, {part.name: (part.trajectories, part.duration) for part in parts}, scores.overall
         ),
         figures={part.name: tables.all_figures(scores.motions[part.name]) for part in parts},
+        fidelity={part.name: tables.fidelity(part.attributes) for part in parts},
         rejections=tables.rejections(attributes, {part.name: part.trajectories for part in parts}),
         licences=tables.licences(attributes),
         shared=shared,

@@ -23,7 +23,7 @@ HEADLINES = {
 """Figures of the scorecard, with their headings; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
-                   "coordinates"}  # fmt: skip
+                   "coordinates", "fidelity"}  # fmt: skip
 """Attributes of a motion that have a place of their own on the page."""
 
 
@@ -91,6 +91,17 @@ def all_figures(estimates: Mapping[str, Estimate]) -> Table:
         for metric in METRICS
     )
     return Table(columns, rows)
+
+
+def fidelity(attributes: Mapping[str, Any]) -> Table:
+    """Return how truly the reference of one motion moves as the animal does; no rows where nothing is said of it."""
+    rows = []
+    for name, one in dict(attributes.get("fidelity") or {}).items():
+        value = math.nan if one.get("value") is None else float(one["value"])
+        texts = (Cell(str(one.get(key, ""))) for key in ("units", "description"))
+        rows.append((Cell(name, name, code=True), number(value, name), *texts))
+    columns = (Column("figure", number=False), Column("value"), Column("unit", number=False))
+    return Table((*columns, Column("meaning", number=False)), tuple(rows))
 
 
 def rejections(attributes: Mapping[str, Mapping[str, Any]], stored: Mapping[str, int]) -> Table:

@@ -101,6 +101,7 @@ def gather(
         attributes = {
             "motion": clip.name,
             **asdict(clip.origin),
+            "fidelity": {} if clip.fidelity is None else clip.fidelity.described(),
             "accepted": accepted.num_trajectories,
             "rejected": stats.rejected,
             "borderline": list(borderline),

@@ -10,6 +10,7 @@ from kine2go_warp import metrics
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.metrics import FILTER_METRICS, Rows
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import contact_velocities
 from kine2go_warp.rollouts.config import GatherConfig
 
 BORDERLINE = 0.8
@@ -49,9 +50,7 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
             rows["joint_torque"], spec.motor_limits.available(rows["joint_torque"], rows["joint_velocity"])
         ),
         "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),
-        "foot_slip": metrics.foot_slip(
-            rows["link_position"], rows["link_linear_velocity"], rows["foot_contact_force"], spec.foot_radius
-        ),
+        "foot_slip": metrics.foot_slip(contact_velocities(spec, rows), rows["foot_contact_force"]),
         "joint_jerk": metrics.joint_jerk(rows["joint_velocity"], frame_duration),
         "joint_speed": np.nanmax(np.abs(rows["joint_velocity"]) / np.array(spec.joint_speed), axis=(1, 2)),
         "leg_overlap": np.maximum(-np.nanmin(rows["leg_distance"], axis=1), 0.0),

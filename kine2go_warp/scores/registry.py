@@ -11,6 +11,7 @@ from kine2go_warp import metrics
 from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.metrics import FOOT_LINKS, Metric
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import contact_velocities
 from kine2go_warp.scores import transport
 from kine2go_warp.tables import Cell, make_table, markdown
 
@@ -143,9 +144,7 @@ METRICS = (
     ),
     stored(
         "foot_slip",
-        lambda r: metrics.foot_slip(
-            r.rows["link_position"], r.rows["link_linear_velocity"], r.rows["foot_contact_force"], r.spec.foot_radius
-        ),
+        lambda r: metrics.foot_slip(contact_velocities(r.spec, r.rows), r.rows["foot_contact_force"]),
     ),
     scored("power", "W", "mechanical power: mean over rows of the sum over joints of abs(torque x velocity)", _power),
     scored(

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kine2go_warp.motions.body import GRAVITY
 from kine2go_warp.motions.catalogue import load_catalogue, motion_named
@@ -81,6 +82,36 @@ def test_animals_of_another_size_become_the_same_clip(solver, tmp_path, size):
     there, *_ = dog(tmp_path, solver, size=size, phases=PACE)
     np.testing.assert_array_equal(there.stance, here.stance)
     np.testing.assert_allclose(there.joint_position, here.joint_position, atol=2e-3)
+
+
+@pytest.mark.parametrize("direction", [0.0, np.pi])
+def test_a_trot_on_a_floor_tilted_by_one_degree_comes_out_as_on_level_ground(solver, tmp_path, direction):
+    gait = DogGait(stride_frames=36, duty=0.6)
+    truth = generate(gait, 361)
+    slope = Rotation.from_rotvec(np.radians(1.0) * np.array([np.sin(direction), -np.cos(direction), 0.0]))
+    clips = []
+    for name, turn in (("level", Rotation.identity()), ("tilted", slope)):
+        write_ai4animation(turn.apply(truth.points.reshape(-1, 3)).reshape(truth.points.shape), tmp_path / name)
+        clips.append(retarget(entry_of(name, 144, 216), tmp_path, solver, KEEP_RANGE))
+    assert [len(one.remarks) for one in clips] == [0, 1]
+    assert clips[1].remarks[0].startswith("the floor rose by 1.0 degrees")
+    level, tilted = (one.clip for one in clips)
+    # Against the generator: contacts, standing height, a trunk that is level and as high as the animal's.
+    contact = truth.contact[144:216]
+    assert np.mean((tilted.stance > 0.5) != contact) < 0.14
+    both = (tilted.stance > 0.5) & contact
+    np.testing.assert_allclose(tilted.foot_position[both][:, 2], GO2.foot_radius, atol=1e-3)
+    assert abs(tilted.fidelity.trunk_pitch) < 0.1
+    assert np.degrees(np.abs(to_rotation(tilted.root_orientation).as_euler("ZYX")[:, 1:])).max() < 0.2
+    height = AI4Animation.scale * (truth.trunk[144:216, 2] - gait.toe_height)
+    offset = tilted.root_position[:, 2] - height
+    assert np.ptp(offset) < 2e-3
+    speed = np.hypot(tilted.cycle.x, tilted.cycle.y) / tilted.period
+    assert speed == pytest.approx(AI4Animation.scale * gait.speed, rel=2e-3)
+    # And against the same animal on level ground.
+    np.testing.assert_allclose(tilted.root_position[:, 2], level.root_position[:, 2], atol=2e-3)
+    np.testing.assert_allclose(tilted.joint_position, level.joint_position, atol=0.02)
+    assert np.array_equal(tilted.stance > 0.5, level.stance > 0.5)
 
 
 def test_metrics_see_what_is_wrong(solver, tmp_path):

@@ -178,13 +178,13 @@ def test_every_real_motion_becomes_a_clean_clip(name, data_folder, solver):
     assert quality.joint_margin >= 0.0
     assert quality.speed_share <= 1.0 + 1e-9
     ours = quality.fidelity
-    # One dog carries its neck otherwise: the line from hips to shoulders is 1.04 deg off the one from pelvis to neck.
+    # In the file of that turn itself the lifted line from pelvis to neck is 1.04 deg above that from hips to shoulders.
     assert abs(ours.trunk_pitch) <= (1.1 if name == "ai4_dog_left_turn" else 1.0)
     assert min(ours.swing_front, ours.swing_hind) >= 0.85
-    assert abs(ours.duty) <= 0.041
+    assert abs(ours.duty) <= 0.04
     assert ours.height_correlation >= 0.9
     assert ours.base_dip <= 0.015
-    assert ours.seam_acceleration <= 1.2 * max(ours.other_acceleration, ours.animal_acceleration)
+    assert ours.seam_acceleration <= 1.2 * ours.other_acceleration
     assert ours.seam_acceleration <= 7.8 or ours.animal_acceleration > 7.8
     assert abs(ours.seam_shift) < 0.1
 
@@ -237,6 +237,10 @@ def test_what_is_no_fault_but_needs_a_word_is_remarked_on():
         "20.0 m/s^2 at the seam, 3.0 elsewhere",
         "slowed by 1.20 for the motors",
     ]
+    for seam, animal in ((3.7, 5.0), (8.0, 7.7)):
+        usual = 3.0 if seam < 5.0 else 7.0
+        ours = replace(good.fidelity, seam_acceleration=seam, other_acceleration=usual, animal_acceleration=animal)
+        assert clip_remarks(replace(good, fidelity=ours)) == [f"{seam:.1f} m/s^2 at the seam, {usual:.1f} elsewhere"]
 
 
 def assess_example():

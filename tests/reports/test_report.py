@@ -63,6 +63,18 @@ def test_each_motion_has_all_figures(page, scores):
                 assert value == pytest.approx(scores["motions"][name]["scores"][figure]["value"], rel=1e-12)
 
 
+def test_the_reference_of_a_motion_has_its_figures_where_the_dataset_says_them(page):
+    heading, *rows = page.tables["Reference of walk"]
+    assert [cell.text for cell in heading] == ["figure", "value", "unit", "meaning"]
+    assert [[cell.text for cell in row] for row in rows] == [
+        ["trunk_pitch", "-0.556", "deg", "pitch & <more>"],
+        ["flight_acceleration", "-", "m/s^2", "while no foot stands"],
+    ]
+    assert values_of(rows[0]) == {"trunk_pitch": -0.55641}
+    assert "Reference of stroll" not in page.tables
+    assert not any("fidelity" in row[0].text for row in page.tables["Settings"])
+
+
 def test_rejections_licences_and_settings_are_those_of_the_dataset(page):
     heading, stroll, walk = page.tables["Rejections"]
     assert [cell.text for cell in heading] == ["motion", "rollouts", "accepted", "share accepted", "distance"]

@@ -41,6 +41,13 @@ def test_rows_have_the_length_asked_for_after_the_trim(data):
     np.testing.assert_allclose(turns - data.trajectories.draws["start_phase"], 1.0, atol=1e-4)
 
 
+def test_the_dataset_says_how_truly_the_reference_moves(data, clip):
+    said = data.attributes["fidelity"]
+    assert {name: one["value"] for name, one in said.items()} == clip.fidelity.as_json()
+    assert said["seam_acceleration"]["units"] == "m/s^2"
+    assert all(one["units"] and one["description"] for one in said.values())
+
+
 def test_positions_change_by_what_the_velocities_say(data):
     rows = data.trajectories.rows
     for position, velocity in (

@@ -27,6 +27,7 @@ def perfect(count=1):
         "root_position": still(0, 0, 0.3),
         "reference_root_position": still(0, 0, 0.3),
         "root_orientation": still(1, 0, 0, 0),
+        "root_angular_velocity": still(0, 0, 0),
         "reference_root_orientation": still(1, 0, 0, 0),
         "joint_position": pose,
         "reference_joint_position": pose.copy(),

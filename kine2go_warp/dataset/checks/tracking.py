@@ -10,8 +10,8 @@ from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
-from kine2go_warp.metrics import root_angle, root_error, tracking_quality
-from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.metrics import foot_slip, root_angle, root_error, tracking_quality
+from kine2go_warp.robots.kinematics import contact_velocities, foot_positions
 from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
@@ -141,7 +141,10 @@ def quality_error(name: str) -> Measure:
     """Return a measure of how far a stored quality figure is from the rows' own, in parts of 1 + the figure."""
 
     def measure(block: Block) -> Array | None:
-        figures = tracking_quality(block.rows)
+        if name == "foot_slip":
+            figures = {name: foot_slip(contact_velocities(block.spec, block.rows), block["foot_contact_force"])}
+        else:
+            figures = tracking_quality(block.rows)
         if name not in figures:
             return None
         return np.abs(block[f"quality/{name}"] - figures[name]) / (1.0 + np.abs(figures[name]))
@@ -152,6 +155,14 @@ def quality_error(name: str) -> Measure:
 JOINTS = ("joint_position", "reference_joint_position")
 ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
 FEET = ("link_position", "reference_foot_position")
+SLIP = (
+    "root_orientation",
+    "root_angular_velocity",
+    "joint_position",
+    "joint_velocity",
+    "link_linear_velocity",
+    "foot_contact_force",
+)
 REWARDS = (
     ("joint position", "track_joint_position", joint_reward, JOINTS),
     ("foot position", "track_foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
@@ -198,7 +209,8 @@ CHECKS = (
     ),
     *(
         RowCheck(
-            "quality", f"quality/{array.name}", (f"quality/{array.name}", *JOINTS, *ROOTS, *FEET),
+            "quality", f"quality/{array.name}",
+            (f"quality/{array.name}", *(SLIP if array.name == "foot_slip" else (*JOINTS, *ROOTS, *FEET))),
             "quality figures are those of the rows", "not the figure of the rows: off", quality_error(array.name),
             1e-5,
         )
