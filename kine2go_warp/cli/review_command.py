@@ -160,7 +160,7 @@ class Review:
 
     def _judge(self) -> int:
         """Keep the verdicts that are given as options."""
-        from kine2go_warp.dataset.verdicts import ACCEPTED, REJECTED, add_verdicts, new_verdict
+        from kine2go_warp.dataset.reviews import ACCEPTED, REJECTED, add_reviews, new_review
         from kine2go_warp.tables import counted
 
         both = set(self.accept) & set(self.reject)
@@ -169,12 +169,12 @@ class Review:
         if self.motions:
             raise DatasetError("--accept and --reject name motions themselves; leave out the others")
         verdicts = [
-            new_verdict(one, verdict, self.why.strip(), self.who)
+            new_review(one, verdict, self.why.strip(), self.who)
             for verdict, names in ((ACCEPTED, self.accept), (REJECTED, self.reject))
             for name in names
             for one in self._named(name)
         ]
-        add_verdicts(self.target, verdicts)
+        add_reviews(self.target, verdicts)
         for verdict in (ACCEPTED, REJECTED):
             count = sum(one.verdict == verdict for one in verdicts)
             if count:

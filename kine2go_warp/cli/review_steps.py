@@ -8,14 +8,14 @@ from pathlib import Path
 
 from kine2go_warp.dataset.limit_usage import STORED, LimitUsage, limit_usages
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import (
+from kine2go_warp.dataset.reviews import (
     ACCEPTED,
     REJECTED,
-    Verdict,
-    add_verdicts,
-    new_verdict,
-    remove_verdict,
-    standing_verdicts,
+    Review,
+    add_reviews,
+    new_review,
+    remove_review,
+    standing_reviews,
 )
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.tables import counted
@@ -32,7 +32,7 @@ class Steps:
     queue: list[LimitUsage]
     who: str | None
     place: int = 0
-    said: list[Verdict | None] = field(default_factory=list)
+    said: list[Review | None] = field(default_factory=list)
     """Of each trajectory before the present one; None where it was skipped."""
 
     @property
@@ -44,8 +44,8 @@ class Steps:
         """Keep a verdict on the present trajectory and go on."""
         reference = self.queue[self.place].reference
         (one,) = self.motions[reference.motion].read([reference], None)
-        given = new_verdict(one, verdict, why, self.who)
-        add_verdicts(self.dataset, [given])
+        given = new_review(one, verdict, why, self.who)
+        add_reviews(self.dataset, [given])
         self._go_on(given)
 
     def skip(self) -> None:
@@ -58,7 +58,7 @@ class Steps:
             return False
         given = self.said.pop()
         if given is not None:
-            remove_verdict(self.dataset, given)
+            remove_review(self.dataset, given)
         self.place -= 1
         return True
 
@@ -66,7 +66,7 @@ class Steps:
         """Return how many trajectories were accepted or rejected on the way."""
         return sum(given is not None and given.verdict == verdict for given in self.said)
 
-    def _go_on(self, given: Verdict | None) -> None:
+    def _go_on(self, given: Review | None) -> None:
         self.said.append(given)
         self.place += 1
 
@@ -104,7 +104,7 @@ def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
     console = Console(stderr=True)
     found: list[LimitUsage] = []
     for motion in track(motions, "reading", console=console, transient=True, disable=not console.is_terminal):
-        done = set() if again else set(standing_verdicts(motion))
+        done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
         found += limit_usages(motion, wanted)
     return sorted(found, key=lambda one: -one.worst_limit_ratio)

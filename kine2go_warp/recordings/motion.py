@@ -7,7 +7,7 @@ import rerun as rr
 
 from kine2go_warp.dataset.limit_usage import LimitUsage, filter_limits, limit_usage
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.dataset.verdicts import Verdict, standing_verdicts
+from kine2go_warp.dataset.reviews import Review, standing_reviews
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.recordings.layout import motion_layout
 from kine2go_warp.recordings.meshes import Meshes
@@ -37,7 +37,7 @@ def record_motion(motion: Motion, path: Path, style: Style = Style(), spec: Robo
     shown = closest_to_limits(motion, style.trajectories)
     if not shown:
         raise DatasetError(f"motion '{motion.name}' holds no trajectory to record")
-    verdicts = {index: verdict_text(one) for index, one in standing_verdicts(motion).items()}
+    verdicts = {index: review_text(one) for index, one in standing_reviews(motion).items()}
     drawer = RobotDrawer(spec, style.meshes)
     usages = [usage for _, usage in shown]
     with recording_file(motion.name, motion.attributes.get("fingerprint", ""), path) as recording:
@@ -58,7 +58,7 @@ def closest_to_limits(motion: Motion, count: int | None) -> list[tuple[Trajector
     return known[:count]
 
 
-def verdict_text(verdict: Verdict) -> str:
-    """Return a verdict in words."""
-    why = f": {verdict.why}" if verdict.why else ""
-    return f"{verdict.verdict} by {verdict.who}{why}"
+def review_text(review: Review) -> str:
+    """Return a review in words."""
+    reason = f": {review.reason}" if review.reason else ""
+    return f"{review.verdict} by {review.reviewer}{reason}"

@@ -6,7 +6,7 @@ from typing import Any
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
-from kine2go_warp.pipelines.stages.score import verdicts_on
+from kine2go_warp.pipelines.stages.score import reviews_on
 
 
 class RecordStage:
@@ -24,7 +24,7 @@ class RecordStage:
         return {
             "version": 1,
             "data": upstream["gather"].record.output,
-            "verdicts": verdicts_on(job),
+            "verdicts": reviews_on(job),
             "trajectories": job.recipe.record.trajectories,
         }
 

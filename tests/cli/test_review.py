@@ -11,7 +11,7 @@ from pathlib import Path
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import FILE, read_verdicts, standing_verdicts
+from kine2go_warp.dataset.reviews import FILE, read_reviews, standing_reviews
 
 PROGRAM = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 
@@ -33,7 +33,7 @@ def stepping(dataset, keys, *options):
 
 
 def said(dataset):
-    return [(one.index, one.verdict, one.why) for one in read_verdicts(dataset)]
+    return [(one.index, one.verdict, one.reason) for one in read_reviews(dataset)]
 
 
 def shown_order(output):
@@ -70,9 +70,9 @@ def test_verdicts_by_option_stand_for_a_trajectory_or_a_whole_motion(dataset_cop
     assert "5 trajectories accepted" in capsys.readouterr().out
     arguments = ["--reject", "dog_trot/1", "dog_trot/3", "--why", "drags a leg", "--who", "Ada"]
     assert main(["review", str(dataset_copy), *arguments]) == 0
-    standing = standing_verdicts(Motion(dataset_copy, "dog_trot"))
+    standing = standing_reviews(Motion(dataset_copy, "dog_trot"))
     assert [one.verdict for one in standing.values()] == ["accepted", "rejected", "accepted", "rejected", "accepted"]
-    assert {one.who for one in standing.values()} == {"Ada"}
+    assert {one.reviewer for one in standing.values()} == {"Ada"}
 
 
 def test_scores_leave_rejected_trajectories_out_and_say_so(dataset_copy, capsys):

@@ -15,10 +15,10 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.cli.review_steps import by_limit_usage
 from kine2go_warp.dataset import compute_statistics, load_rows, open_dataset
 from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.reviews import FILE
 from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.torch_windows import WindowDataset
-from kine2go_warp.dataset.verdicts import FILE
 from kine2go_warp.errors import DatasetError
 from tests.conftest import ANYTHING_GOES
 from tests.reports.conftest import Page

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
+from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import motion_layout
@@ -129,7 +129,7 @@ def test_leg_distance_is_drawn_with_the_depth_at_which_the_filter_rejects(clean_
 
 def test_the_text_tells_quality_draw_and_verdict(motion, tmp_path):
     (one,) = motion.read(motion.references()[1:2], None)
-    add_verdicts(motion.path, [new_verdict(one, REJECTED, "drags a leg", "Ada")])
+    add_reviews(motion.path, [new_review(one, REJECTED, "drags a leg", "Ada")])
     record_motion(motion, tmp_path / "a.rrd")
     (text,) = Recorded(tmp_path / "a.rrd").fixed("/trajectories/001/text", "TextDocument:text")
     assert "rejected by Ada: drags a leg" in text
