@@ -29,7 +29,7 @@ from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.keypoints import KeypointMotion
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
-from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, without_short_runs
+from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, stand_feet, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
@@ -247,7 +247,7 @@ def stand(
     reach = leg_reach(spec, poses.root_position, poses.root_orientation, config.knee_margin, LARGEST_DIP)
     rolling = np.zeros((len(poses), 4, 2))
     for _ in range(ROLLING_PASSES):
-        held, *_ = hold_feet(poses.feet - radius, stance, rolling, reach, config)
+        held, *_ = stand_feet(poses.feet - radius, stance, rolling, reach)
         rolling = rolled(spec, replace(poses, feet=held + radius))
     held, kept, moved = hold_feet(poses.feet - radius, stance, rolling, reach, config)
     return replace(poses, feet=held + radius), kept, moved

@@ -122,23 +122,11 @@ def hold_feet(
         reach: How far the legs reach.
         config: Settings.
     """
-    held, kept, moved = feet.copy(), stance.copy(), np.zeros(stance.shape)
+    held, kept, moved = stand_feet(feet, stance, rolling, reach)
     for foot in range(feet.shape[1]):
-        path, raw, roll = held[:, foot], feet[:, foot], rolling[:, foot]
-        radius = reach.radius(foot, np.full(len(feet), -reach.give))
-        under_hip = reach.hips[:, foot, :2]
-        runs, low = [], []
-        for run in intervals(stance[:, foot]):
-            rolled = roll[run.frames]
-            wanted = _median(raw[run.frames, :2] - rolled)
-            foothold, first, last = _within_reach(wanted, under_hip[run.frames] - rolled, radius[run.frames])
-            kept[run.frames, foot] = False
-            moved[run.frames, foot] = math.hypot(*(foothold - wanted))
-            low.append(_median(raw[run.frames, 2]))
-            run = Interval(run.first + first, run.first + last)  # noqa: PLW2901
-            kept[run.frames, foot] = True
-            path[run.frames, :2], path[run.frames, 2] = foothold + roll[run.frames], 0.0
-            runs.append(run)
+        path, raw, runs = held[:, foot], feet[:, foot], intervals(kept[:, foot])
+        # The animal's foot is at its own height where the robot's is on the floor.
+        low = [_median(raw[run.frames, 2]) for run in intervals(stance[:, foot])]
         for index in range(len(runs) - 1):
             swing = slice(runs[index].last, runs[index + 1].first + 1)
             _bridge(path[swing], raw[swing], low[index : index + 2], config.swing_clearance)
@@ -148,7 +136,25 @@ def hold_feet(
             path[:first] = raw[:first] + (path[first] - raw[first])
             path[last + 1 :] = raw[last + 1 :] + (path[last] - raw[last])
         path[:, 2] = np.maximum(path[:, 2], 0.0)
+        under_hip = reach.hips[:, foot, :2]
         moved[:, foot] += _pull_in(path, kept[:, foot], under_hip, reach.radius(foot, path[:, 2]))
+    return held, kept, moved
+
+
+def stand_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach) -> tuple[Array, Mask, Array]:
+    """Return feet with those that stand on their footholds, as ``hold_feet`` does, which sees to the swings, too."""
+    held, kept, moved = feet.copy(), np.zeros_like(stance), np.zeros(stance.shape)
+    for foot in range(feet.shape[1]):
+        path, roll, under_hip = held[:, foot], rolling[:, foot], reach.hips[:, foot, :2]
+        radius = reach.radius(foot, np.full(len(feet), -reach.give))
+        for run in intervals(stance[:, foot]):
+            rolled = roll[run.frames]
+            wanted = _median(path[run.frames, :2] - rolled)
+            foothold, first, last = _within_reach(wanted, under_hip[run.frames] - rolled, radius[run.frames])
+            moved[run.frames, foot] = math.hypot(*(foothold - wanted))
+            stands = slice(run.first + first, run.first + last + 1)
+            kept[stands, foot] = True
+            path[stands, :2], path[stands, 2] = foothold + roll[stands], 0.0
     return held, kept, moved
 
 
