@@ -6,10 +6,8 @@
 from collections.abc import Sequence
 from dataclasses import fields
 
-from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerrainConfig
+from kine2go_warp.env.config import EnvConfig, TerrainConfig
 from kine2go_warp.env.observations import observation_layout, observation_size, place_privileged
-from kine2go_warp.kernels.terminations import REASON_DESCRIPTIONS, REASON_NAMES
-from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import GO2, RobotSpec
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS, LEG_JOINTS
 
@@ -23,10 +21,11 @@ new episodes, observation. Nothing is allocated, the host is not waited for, and
 """
 
 
-EXTENSION = """## Add a reward in your own file
+EXTENSION = """## Add terms in your own file
 
-Rewards and observations are terms: a name, a Warp kernel and its parameters. A file of your own may add some, switch
-others off, and change weights and parameters; the package is not touched. Say this is `my_file.py`:
+Rewards, observations and ends of episodes are terms: a name, a Warp kernel and its parameters. What is drawn for the
+worlds is a list of terms, too. A file of your own may add some, switch others off, and change weights, limits and
+ranges; the package is not touched. Say this is `my_file.py`:
 
 ```python
 from dataclasses import replace
@@ -35,9 +34,11 @@ import warp as wp
 
 from kine2go_warp.env.terms.base import with_term
 from kine2go_warp.env.terms.observations import ObservationTerm
+from kine2go_warp.env.terms.randomization import RandomizationTerm
 from kine2go_warp.env.terms.rewards import RewardTerm
+from kine2go_warp.env.terms.terminations import TerminationTerm
 from kine2go_warp.kernels.kinematics import leg_point_velocity_w
-from kine2go_warp.kernels.state import joint_position
+from kine2go_warp.kernels.state import joint_position, root_position
 from kine2go_warp.kernels.world import WorldView
 from kine2go_warp.learning.presets import FAST
 
@@ -63,8 +64,16 @@ def previous_command(view: WorldView, out: wp.array2d(dtype=float), column: int)
         out[world, column + joint] = command - view.default_position[joint]
 
 
+@wp.kernel
+def base_is_low(view: WorldView, out: wp.array2d(dtype=float), column: int, min_height: float):
+    world = wp.tid()
+    out[world, column] = wp.where(root_position(view.robot, world)[2] < min_height, 1.0, 0.0)
+
+
 SLIP = RewardTerm("foot_slip", foot_slip, {"contact_force": 5.0}, weight=-0.1, formula="Σ v² of feet in contact [m/s]")
 COMMAND = ObservationTerm("previous_command", previous_command, dims=("joint",), unit="rad", mirror="angle")
+LOW = TerminationTerm("base_low", base_is_low, {"min_height": 0.15}, unit="m")
+BATTERY = RandomizationTerm("battery", range=(0.8, 1.0), parameter="strength", shared=True)
 ENV = FAST.env
 PRESET = replace(
     FAST,
@@ -72,18 +81,26 @@ PRESET = replace(
         ENV,
         rewards=(*with_term(ENV.rewards, "joint_position", exponent=4.0), SLIP),
         observations=(*with_term(ENV.observations, "linear_velocity_b", enabled=False), COMMAND),
+        terminations=(*ENV.terminations, LOW),
+        randomization=(*ENV.randomization, BATTERY),
     ),
 )
 ```
 
 `kine2go train CLIP --preset my_file.py:PRESET` trains with it. A kernel takes `(view, out, column)` and then the term's
 parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or as many
-as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on. `WorldView`
-(`kernels/world.py`) is all that it can read. A term of the package or of yours is a setting by its name:
-`[train.env.rewards.foot_slip] weight = -0.2`, `[train.env.observations.last_action] enabled = false`. TensorBoard,
-Rerun, `policy.json` and the dataset's labels follow. The policy folder refers to your file by its path: keep the file
-where it is. `kine2go export-policy` writes any policy, but the package's own controller knows the package's
-observations alone.
+as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on; a termination writes
+1 where the episode ends, else 0. `WorldView` (`kernels/world.py`) is all that it can read. A randomization term has no
+kernel: it names a parameter of the table below, draws from its range and scales, shifts or sets it, one draw a joint or
+one for all (`shared`). Other arrays of the model are out of its reach.
+
+A term of the package or of yours is a setting by its name: `[train.env.rewards.foot_slip] weight = -0.2`,
+`[train.env.observations.last_action] enabled = false`, `[train.env.terminations.base_low.params] min_height = 0.1`,
+`[train.env.randomization] friction = [0.5, 1.0]`. TensorBoard, Rerun, `policy.json`, the dataset's labels and the
+reasons of rejected rollouts follow. `gather` and `eval` keep your ends of episodes, with their own limits of distance
+and rotation, and draw what their own settings say; plain MuJoCo (`sim2sim`) knows the package's ends alone. The policy
+folder refers to your file by its path: keep the file where it is. `kine2go export-policy` writes any policy, but the
+package's own controller knows the package's observations alone.
 """
 
 
@@ -149,19 +166,17 @@ weight and its parameters in `kine2go_warp/env/terms/rewards.py`.
 
 def termination_section(config: EnvConfig) -> str:
     """Return why episodes end."""
-    limits = config.termination
-    notes = {
-        "distance": f"{limits.max_distance} m",
-        "rotation": f"{limits.max_angle} rad",
-        "time_out": f"{config.episode_time} s",
-    }
-    rows = [
-        (number, f"`{name}`", notes.get(name, ""), description)
-        for number, (name, description) in enumerate(zip(REASON_NAMES, REASON_DESCRIPTIONS, strict=True))
-    ]
+    rows = []
+    for number, term in enumerate(config.terminations, 1):
+        limit = ", ".join(f"{value:g} {term.unit}" for _, value in term.params)
+        limit = f"{config.episode_time} s" if term.is_time_out else limit
+        rows.append((number, f"`{term.name}`", limit, term.description))
     return f"""## Ends of episodes
 
-The first that applies counts, a time-out last. Limits are those of `paper`; `fast` and `robust` are stricter.
+The first of the list that applies counts, a time-out last. Limits are those of `paper`; `fast` and `robust` are
+stricter. Each is one kernel of `kernels/terminations.py`, named with its limits in
+`kine2go_warp/env/terms/terminations.py`. With `initial_limit_scale` above 1 the limits of distance and rotation begin
+at that multiple of their values and fall to them within `limit_anneal_time`.
 
 {table(("number", "reason", "limit", "meaning"), rows)}"""
 
@@ -199,22 +214,12 @@ the factor {sampling.memory} in a control step.
 
 def randomization_section() -> str:
     """Return what is drawn for each world."""
-    parameters = {parameter.name: parameter for parameter in RANDOMIZED_PARAMETERS}
-    extra = {
-        "push_interval": ("s", "push", "time between two pushes"),
-        "push_speed": ("m/s", "push", "horizontal velocity added to the base, in a random direction"),
-    }
+    moments = {"world": "world, at start-up", "episode": "episode", "push": "push"}
     rows = []
-    for field in fields(RandomizationConfig):
-        if field.name in parameters:
-            parameter = parameters[field.name]
-            moment = "world, at start-up" if parameter.when == "world" else "episode"
-            unit = "factor" if parameter.is_factor else parameter.unit
-            per = parameter.dims[0] if parameter.dims else "world"
-            rows.append((f"`{field.name}`", unit, moment, per, parameter.meaning))
-        else:
-            unit, moment, description = extra[field.name]
-            rows.append((f"`{field.name}`", unit, moment, "world", description))
+    for term in EnvConfig().randomization:
+        drawn = term.drawn
+        unit = "factor" if drawn.operation == "scale" else drawn.unit
+        rows.append((f"`{term.name}`", unit, moments[drawn.when], *(drawn.dims or ("world",)), drawn.meaning))
     return f"""## Domain randomisation
 
 Each is a range `[least, greatest]` of a uniform distribution, off by default (`robust` uses them all). What holds in a

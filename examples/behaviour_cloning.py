@@ -184,7 +184,7 @@ def walk(name: str, env: ImitationVecEnv, actor: Actor, noise: Tensor | float, w
     with TemporaryDirectory() as folder, AsyncRowWriter(Path(folder) / "rows") as writer:
         recorded = roll_out(env, actor, noise, rows, writer, warm_up)
         seen = recorded.rows(np.arange(env.num_envs))
-    share = estimate_share([recorded.failure == 0])
+    share = estimate_share([recorded.failure == ""])
     joints = seen["joint_position"] - seen["reference_joint_position"]
     root = np.linalg.norm(seen["root_position"] - seen["reference_root_position"], axis=-1)
     rmse, error = float(np.sqrt(np.nanmean(joints**2))), float(np.nanmean(root))

@@ -73,12 +73,10 @@ def fill_history(
 
 
 @wp.kernel
-def remember_actions(
-    done: wp.array(dtype=wp.int64), action: wp.array2d(dtype=float), last_action: wp.array2d(dtype=float)
-):
+def remember_actions(view: WorldView):
     """Keep the actions for the next step, zeros in worlds that begin an episode. Launched over [num_worlds, 12]."""
     world, joint = wp.tid()
-    last_action[world, joint] = wp.where(done[world] == wp.int64(0), action[world, joint], 0.0)
+    view.last_action[world, joint] = wp.where(view.done[world] == wp.int64(0), view.action[world, joint], 0.0)
 
 
 @wp.kernel
@@ -247,6 +245,14 @@ def motor_offset(view: WorldView, out: wp.array2d(dtype=float), column: int):
     world = wp.tid()
     for joint in range(NUM_JOINTS):
         out[world, column + joint] = view.motors.offset[world, joint]
+
+
+@wp.kernel
+def joint_friction(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Write the Coulomb friction of the joints [N m]."""
+    world = wp.tid()
+    for joint in range(NUM_JOINTS):
+        out[world, column + joint] = view.motors.friction[world, joint]
 
 
 @wp.kernel

@@ -2,52 +2,69 @@
 
 import warp as wp
 
-from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.resets import random_stream
 from kine2go_warp.kernels.state import RobotState
-from kine2go_warp.kernels.world import BaseBody
+from kine2go_warp.kernels.world import BaseBody, WorldView
 
 wp.set_module_options({"enable_backward": False})
 
-
-@wp.struct
-class MotorRanges:
-    """Ranges of what is drawn for each episode, each (low, high)."""
-
-    stiffness: wp.vec2
-    """Factor on the stiffness [-], drawn for each joint."""
-    damping: wp.vec2
-    """Factor on the damping [-], drawn for each joint."""
-    strength: wp.vec2
-    """Factor on the torque [-], drawn for each joint."""
-    offset: wp.vec2
-    """Error of the joint's zero [rad], drawn for each joint."""
-    friction: wp.vec2
-    """Factor on the joint's friction [-], drawn for each joint."""
-    delay: wp.vec2
-    """Latency [physics substeps], both ends included."""
+SCALE = wp.constant(0)
+ADD = wp.constant(1)
+SET = wp.constant(2)
+"""What a draw does to the value before it."""
 
 
 @wp.struct
-class BodyRanges:
-    """Ranges of what is drawn for each world when it is made, each (low, high)."""
+class Draw:
+    """A uniform distribution, and which of a world's random numbers are its own."""
 
-    mass: wp.vec2
-    """Mass added to the base [kg]."""
-    com: wp.vec2
-    """Shift of the base's centre of mass along each axis [m]."""
+    limits: wp.vec2
+    """Least and greatest value."""
+    operation: int
+    """``SCALE``, ``ADD`` or ``SET``."""
+    shared: bool
+    """Whether all values of a world share one draw."""
+    stream: int
+    key: int
+    """Sets terms of one stream apart; 0 is the stream itself."""
+    first: int
+    """Numbers of the stream before the first draw."""
+    stride: int
+    """Numbers from one draw to the next."""
 
 
 @wp.kernel
-def draw_bodies(seed: wp.array(dtype=wp.uint32), ranges: BodyRanges, base: BaseBody):
-    """Draw mass and centre of mass of each world's base. Launched over [num_worlds]."""
+def draw_parameter(view: WorldView, draw: Draw, before: wp.array2d(dtype=float), after: wp.array2d(dtype=float)):
+    """Draw the values of every world that is done, shape [num_worlds, number of values]. Launched over [num_worlds]."""
     world = wp.tid()
-    rng = random_stream(seed[world], 0, 8)
-    base.mass[world] = base.nominal_mass + wp.randf(rng, ranges.mass[0], ranges.mass[1])
-    shift = wp.vec3(0.0, 0.0, 0.0)
-    for axis in range(3):
-        shift[axis] = wp.randf(rng, ranges.com[0], ranges.com[1])
-    base.com[world] = base.nominal_com + shift
+    if view.done[world] == wp.int64(0):
+        return
+    rng = random_stream(view.seed[world], view.episode[world], draw.stream)
+    if draw.key != 0:
+        rng = wp.rand_init(int(rng), draw.key)
+    for _first in range(draw.first):
+        wp.randf(rng)
+    drawn = float(0.0)
+    for index in range(after.shape[1]):
+        if index == 0 or not draw.shared:
+            drawn = wp.randf(rng, draw.limits[0], draw.limits[1])
+            for _next in range(draw.stride - 1):
+                wp.randf(rng)
+        value = before[world, index]
+        if draw.operation == SCALE:
+            after[world, index] = value * drawn
+        elif draw.operation == ADD:
+            after[world, index] = value + drawn
+        else:
+            after[world, index] = drawn
+
+
+@wp.kernel
+def round_down(view: WorldView, drawn: wp.array2d(dtype=float), greatest: int):
+    """Turn drawn latencies into whole physics substeps in every world that is done. Launched over [num_worlds]."""
+    world = wp.tid()
+    if view.done[world] != wp.int64(0):
+        view.motors.delay[world] = wp.min(int(drawn[world, 0]), greatest)
 
 
 @wp.kernel
@@ -78,48 +95,6 @@ def apply_bodies(
 
 
 @wp.kernel
-def draw_motors(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    ranges: MotorRanges,
-    nominal_stiffness: float,
-    nominal_damping: float,
-    nominal_friction: wp.array(dtype=float),
-    motors: MotorModel,
-):
-    """Draw the motors of every world that is done. Launched over [num_worlds]."""
-    world = wp.tid()
-    if done[world] == wp.int64(0):
-        return
-    rng = random_stream(seed[world], episode[world], 6)
-    for joint in range(12):
-        motors.stiffness[world, joint] = nominal_stiffness * wp.randf(rng, ranges.stiffness[0], ranges.stiffness[1])
-        motors.damping[world, joint] = nominal_damping * wp.randf(rng, ranges.damping[0], ranges.damping[1])
-        motors.strength[world, joint] = wp.randf(rng, ranges.strength[0], ranges.strength[1])
-        motors.offset[world, joint] = wp.randf(rng, ranges.offset[0], ranges.offset[1])
-        friction = wp.randf(rng, ranges.friction[0], ranges.friction[1])
-        motors.friction[world, joint] = nominal_friction[joint] * friction
-    motors.delay[world] = wp.min(int(wp.randf(rng, ranges.delay[0], ranges.delay[1] + 1.0)), int(ranges.delay[1]))
-
-
-@wp.kernel
-def draw_friction(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    limits: wp.vec2,
-    friction: wp.array(dtype=float),
-):
-    """Draw the coefficient of friction between robot and floor for every world that is done."""
-    world = wp.tid()
-    if done[world] == wp.int64(0):
-        return
-    rng = random_stream(seed[world], episode[world], 7)
-    friction[world] = wp.randf(rng, limits[0], limits[1])
-
-
-@wp.kernel
 def apply_friction(
     friction: wp.array(dtype=float), geom_role: wp.array(dtype=int), geom_friction: wp.array2d(dtype=wp.vec3)
 ):
@@ -134,32 +109,19 @@ def apply_friction(
 
 
 @wp.kernel
-def schedule_push(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    interval: wp.vec2,
-    next_push: wp.array(dtype=int),
-):
+def schedule_push(view: WorldView, interval: wp.vec2, next_push: wp.array(dtype=int)):
     """Draw when the first push of an episode comes [control steps]. Launched over [num_worlds]."""
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    rng = random_stream(seed[world], episode[world], 9)
+    rng = random_stream(view.seed[world], view.episode[world], 9)
     # Anywhere in the first interval, so that the worlds are not pushed in time with each other.
     next_push[world] = int(wp.randf(rng, 0.0, interval[1]))
 
 
 @wp.kernel
 def push_robots(
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    reference_step: wp.array(dtype=int),
-    interval: wp.vec2,
-    speed: wp.vec2,
-    next_push: wp.array(dtype=int),
-    robot: RobotState,
-    push: wp.array(dtype=wp.vec3),
+    view: WorldView, interval: wp.vec2, speed: wp.vec2, next_push: wp.array(dtype=int), push: wp.array(dtype=wp.vec3)
 ):
     """Add a horizontal velocity of random direction to the base of every world whose time has come.
 
@@ -167,14 +129,14 @@ def push_robots(
     """
     world = wp.tid()
     push[world] = wp.vec3(0.0, 0.0, 0.0)
-    step = reference_step[world]
+    step = view.reference_step[world]
     if step < next_push[world]:
         return
-    rng = wp.rand_init(int(random_stream(seed[world], episode[world], 10)), step)
+    rng = wp.rand_init(int(random_stream(view.seed[world], view.episode[world], 10)), step)
     direction = 2.0 * wp.PI * wp.randf(rng)
     strength = wp.randf(rng, speed[0], speed[1])
     added = wp.vec3(strength * wp.cos(direction), strength * wp.sin(direction), 0.0)
     for axis in range(2):
-        robot.joint_qd[world, axis] = robot.joint_qd[world, axis] + added[axis]
+        view.robot.joint_qd[world, axis] = view.robot.joint_qd[world, axis] + added[axis]
     push[world] = added
     next_push[world] = step + 1 + int(wp.randf(rng, interval[0], interval[1]))

@@ -5,6 +5,7 @@ import warp as wp
 from kine2go_warp.kernels.kinematics import LegGeometry, foot_position_b
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState, frame_at
 from kine2go_warp.kernels.state import (
+    NUM_LEGS,
     RobotState,
     root_angular_velocity_w,
     root_linear_velocity_w,
@@ -55,7 +56,7 @@ def record_reference(
     root = reference.root[world]
     root_position_w[world] = wp.transform_get_translation(root)
     root_orientation_w[world] = wxyz(wp.transform_get_rotation(root))
-    for leg in range(4):
+    for leg in range(NUM_LEGS):
         first = 3 * leg
         foot_b = foot_position_b(
             geometry,

@@ -7,6 +7,7 @@ grows without bound, and every ``num_frames`` frames the clip has moved on by on
 import warp as wp
 
 from kine2go_warp.kernels.rotations import rotate_planar, slerp, yaw_rotation
+from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.kernels.terrain import Terrain, reference_climb, reference_lift
 
 wp.set_module_options({"enable_backward": False})
@@ -189,6 +190,6 @@ def sample_reference(
     reference.root[world] = root
     reference.linear_velocity[world] = reference_velocity(clips, placement, world, frame, position)
     reference.angular_velocity[world] = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
-    for joint in range(12):
+    for joint in range(NUM_JOINTS):
         reference.joint_position[world, joint] = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
         reference.joint_velocity[world, joint] = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)

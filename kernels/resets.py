@@ -14,31 +14,22 @@ from kine2go_warp.kernels.reference import (
     reference_velocity,
 )
 from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
-from kine2go_warp.kernels.state import RobotState, com_velocity_w
+from kine2go_warp.kernels.state import (
+    FIRST_JOINT_Q,
+    FIRST_JOINT_QD,
+    NUM_JOINTS,
+    NUM_LEGS,
+    RobotState,
+    com_velocity_w,
+    leg_joint_position,
+)
 from kine2go_warp.kernels.terrain import Terrain, ground_height
+from kine2go_warp.kernels.world import WorldView
 
 wp.set_module_options({"enable_backward": False})
 
 FOOT_CLEARANCE = wp.constant(1e-5)
 """Height of the lowest foot above the ground [m]: exactly on it, rounding would decide whether it touches at once."""
-
-
-@wp.struct
-class ResetRanges:
-    """How the initial state is drawn: half widths of uniform perturbations, and where they are centred."""
-
-    reference_probability: float
-    """Share of episodes that begin on the reference; the others begin standing where it is."""
-    joint_position: float
-    """[rad]"""
-    joint_velocity: float
-    """[rad/s]"""
-    tilt: float
-    """Roll and pitch [rad]."""
-    linear_velocity: float
-    """[m/s]"""
-    angular_velocity: float
-    """[rad/s]"""
 
 
 @wp.func
@@ -96,16 +87,9 @@ def least_root_height(
 ) -> float:
     """Return the height at which the root, above ``place``, has its lowest foot as good as on the ground [m]."""
     least = ground_height(terrain, place)
-    for leg in range(4):
-        first = 7 + 3 * leg
-        foot = foot_position_b(
-            geometry,
-            leg,
-            robot.joint_q[world, first],
-            robot.joint_q[world, first + 1],
-            robot.joint_q[world, first + 2],
-        )
-        foot_w = wp.quat_rotate(rotation, foot)
+    for leg in range(NUM_LEGS):
+        q = leg_joint_position(robot, world, leg)
+        foot_w = wp.quat_rotate(rotation, foot_position_b(geometry, leg, q[0], q[1], q[2]))
         ground = ground_height(terrain, place + wp.vec2(foot_w[0], foot_w[1]))
         least = wp.max(least, ground + geometry.foot_radius + FOOT_CLEARANCE - foot_w[2])
     return least
@@ -163,97 +147,92 @@ def choose_episodes(
 
 @wp.kernel
 def reset_joints(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    clips: ReferenceClips,
-    placement: Placement,
-    ranges: ResetRanges,
-    default_position: wp.array(dtype=float),
+    view: WorldView,
+    reference_probability: float,
+    position_width: float,
+    velocity_width: float,
     joint_lower: wp.array(dtype=float),
     joint_upper: wp.array(dtype=float),
-    robot: RobotState,
     queue: wp.array3d(dtype=float),
-    torque: wp.array2d(dtype=float),
 ):
     """Put the joints of every world that is done on its reference or in the default pose, perturbed within limits.
 
+    Widths are half those of uniform perturbations [rad, rad/s], ``reference_probability`` the share on the reference.
     The target queue is filled with the initial joint positions, so that the motors hold the pose until the first
     action takes effect.
     """
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    rng = random_stream(seed[world], episode[world], 1)
-    clip = placement.clip[world]
-    frame = frame_at(clips, placement, world, 0.0)
-    on_reference = starts_on_reference(seed[world], episode[world], ranges.reference_probability)
-    for joint in range(12):
-        position = default_position[joint]
+    seed, episode = view.seed[world], view.episode[world]
+    rng = random_stream(seed, episode, 1)
+    clip = view.placement.clip[world]
+    frame = frame_at(view.clips, view.placement, world, 0.0)
+    on_reference = starts_on_reference(seed, episode, reference_probability)
+    for joint in range(NUM_JOINTS):
+        position = view.default_position[joint]
         velocity = float(0.0)
         if on_reference:
-            position = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
-            velocity = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)
-        position += wp.randf(rng, -ranges.joint_position, ranges.joint_position)
+            position = interpolate_joint(view.clips, view.clips.joint_position, clip, frame, joint)
+            velocity = interpolate_joint(view.clips, view.clips.joint_velocity, clip, frame, joint)
+        position += wp.randf(rng, -position_width, position_width)
         position = wp.clamp(position, joint_lower[joint], joint_upper[joint])
-        robot.joint_q[world, 7 + joint] = position
-        robot.joint_qd[world, 6 + joint] = velocity + wp.randf(rng, -ranges.joint_velocity, ranges.joint_velocity)
-        torque[world, joint] = 0.0
+        view.robot.joint_q[world, FIRST_JOINT_Q + joint] = position
+        velocity += wp.randf(rng, -velocity_width, velocity_width)
+        view.robot.joint_qd[world, FIRST_JOINT_QD + joint] = velocity
+        view.torque[world, joint] = 0.0
         for slot in range(queue.shape[1]):
             queue[world, slot, joint] = position
 
 
 @wp.kernel
 def reset_root(
-    done: wp.array(dtype=wp.int64),
-    seed: wp.array(dtype=wp.uint32),
-    episode: wp.array(dtype=int),
-    clips: ReferenceClips,
-    placement: Placement,
-    geometry: LegGeometry,
-    ranges: ResetRanges,
-    robot: RobotState,
-    foot_force: wp.array2d(dtype=wp.vec3),
+    view: WorldView,
+    reference_probability: float,
+    tilt_width: float,
+    linear_width: float,
+    angular_width: float,
     warm_start: wp.array2d(dtype=float),
 ):
     """Put the root of every world that is done on its reference, or level above its place, no foot below the floor.
 
-    Launched after ``reset_joints``. The solver's warm start is cleared: a value that is not finite would poison the
-    new episode.
+    Launched after ``reset_joints``. Widths are half those of uniform perturbations [rad, m/s, rad/s]. The solver's warm
+    start is cleared: a value that is not finite would poison the new episode.
     """
     world = wp.tid()
-    if done[world] == wp.int64(0):
+    if view.done[world] == wp.int64(0):
         return
-    frame = frame_at(clips, placement, world, 0.0)
-    on_reference = starts_on_reference(seed[world], episode[world], ranges.reference_probability)
-    root = reference_root(clips, placement, world, frame)
+    seed, episode = view.seed[world], view.episode[world]
+    frame = frame_at(view.clips, view.placement, world, 0.0)
+    on_reference = starts_on_reference(seed, episode, reference_probability)
+    root = reference_root(view.clips, view.placement, world, frame)
     upright = wp.transform_get_rotation(root)
     position = wp.transform_get_translation(root)
-    linear = reference_velocity(clips, placement, world, frame, position)
-    angular = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    linear = reference_velocity(view.clips, view.placement, world, frame, position)
+    angular = interpolate_turned(view.clips, view.clips.root_angular_velocity, view.placement, world, frame)
     if not on_reference:
         upright = yaw_rotation(heading_of(upright))
         position = wp.vec3(position[0], position[1], -1.0e3)
         linear = wp.vec3(0.0, 0.0, 0.0)
         angular = wp.vec3(0.0, 0.0, 0.0)
-    tilt = random_vector(seed[world], episode[world], 2, ranges.tilt)
+    tilt = random_vector(seed, episode, 2, tilt_width)
     rotation = wp.normalize(upright * wp.quat_rpy(tilt[0], tilt[1], 0.0))
-    robot.joint_q[world, 0] = position[0]
-    robot.joint_q[world, 1] = position[1]
+    view.robot.joint_q[world, 0] = position[0]
+    view.robot.joint_q[world, 1] = position[1]
     place = wp.vec2(position[0], position[1])
-    least_height = least_root_height(geometry, placement.terrain, robot, place, rotation, world)
-    robot.joint_q[world, 2] = wp.max(position[2], least_height)
+    least_height = least_root_height(view.geometry, view.placement.terrain, view.robot, place, rotation, world)
+    view.robot.joint_q[world, 2] = wp.max(position[2], least_height)
     for axis in range(4):
-        robot.joint_q[world, 3 + axis] = rotation[axis]
+        view.robot.joint_q[world, 3 + axis] = rotation[axis]
 
-    linear += random_vector(seed[world], episode[world], 3, ranges.linear_velocity)
-    angular += random_vector(seed[world], episode[world], 4, ranges.angular_velocity)
-    linear = com_velocity_w(linear, angular, rotation, robot.com_b[world])
+    linear += random_vector(seed, episode, 3, linear_width)
+    angular += random_vector(seed, episode, 4, angular_width)
+    linear = com_velocity_w(linear, angular, rotation, view.robot.com_b[world])
     for axis in range(3):
-        robot.joint_qd[world, axis] = linear[axis]
-        robot.joint_qd[world, 3 + axis] = angular[axis]
-    for foot in range(4):
-        foot_force[world, foot] = wp.vec3(0.0, 0.0, 0.0)
+        view.robot.joint_qd[world, axis] = linear[axis]
+        view.robot.joint_qd[world, 3 + axis] = angular[axis]
+    for foot in range(NUM_LEGS):
+        view.foot_force[world, foot] = wp.vec3(0.0, 0.0, 0.0)
     for index in range(warm_start.shape[1]):
         warm_start[world, index] = 0.0
 

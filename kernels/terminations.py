@@ -1,93 +1,98 @@
-"""When an episode ends (appendix, hyperparameter table, "Termination")."""
+"""Ends of episodes: one kernel each, launched over [num_worlds], which writes 1 where its condition holds, else 0.
+
+The limits are the paper's (appendix, hyperparameter table, "Termination").
+"""
 
 import warp as wp
 
-from kine2go_warp.kernels.reference import ReferenceState
 from kine2go_warp.kernels.rotations import rotation_angle
-from kine2go_warp.kernels.state import RobotState, is_finite, root_orientation, root_position
+from kine2go_warp.kernels.state import is_finite, root_orientation, root_position
+from kine2go_warp.kernels.world import WorldView
 
 wp.set_module_options({"enable_backward": False})
 
-REASON_NONE = wp.constant(0)
-REASON_DISTANCE = wp.constant(1)
-REASON_ROTATION = wp.constant(2)
-REASON_BODY_CONTACT = wp.constant(3)
-REASON_NON_FINITE = wp.constant(4)
-REASON_TIME_OUT = wp.constant(5)
-REASON_OVERFLOW = wp.constant(6)
-
-REASON_NAMES = ("none", "distance", "rotation", "body_contact", "non_finite", "time_out", "overflow")
-"""Names of the reasons, indexed by the numbers above."""
-
-REASON_DESCRIPTIONS = (
-    "the episode goes on",
-    "the root is too far from its reference",
-    "the root is turned too far from its reference",
-    "base or head touches the ground",
-    "a coordinate is not a finite number",
-    "the episode has reached its longest time; the only end that is bootstrapped",
-    "the solver had more contacts or constraints than its buffers hold, and dropped some",
-)
-"""What the reasons mean, indexed likewise."""
-
 
 @wp.func
-def annealed_limit(limit: float, initial_limit_scale: float, world_steps: int, limit_anneal_steps: int) -> float:
-    """Return a limit that falls within some steps from ``initial_limit_scale`` times its value to its value."""
-    progress = wp.min(float(world_steps) / float(wp.max(limit_anneal_steps, 1)), 1.0)
-    return limit * (initial_limit_scale + (1.0 - initial_limit_scale) * progress)
+def annealed_limit(view: WorldView, world: int, limit: float) -> float:
+    """Return a limit that falls from ``view.initial_limit_scale`` times its value to its value."""
+    progress = wp.min(float(view.world_steps[world]) / float(wp.max(view.limit_anneal_steps, 1)), 1.0)
+    return limit * (view.initial_limit_scale + (1.0 - view.initial_limit_scale) * progress)
 
 
 @wp.kernel
-def terminate(
-    robot: RobotState,
-    reference: ReferenceState,
-    body_contact: wp.array(dtype=int),
+def non_finite(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Find worlds of which a coordinate is not a finite number."""
+    world = wp.tid()
+    out[world, column] = wp.where(is_finite(view.robot, world), 0.0, 1.0)
+
+
+@wp.kernel
+def overflow(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Find worlds in which the solver has dropped contacts or constraints."""
+    world = wp.tid()
+    out[world, column] = wp.where((view.overflow[world] & view.overflow_mask) != 0, 1.0, 0.0)
+
+
+@wp.kernel
+def body_contact(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Find robots whose base or head touches the ground."""
+    world = wp.tid()
+    out[world, column] = wp.where(view.body_contact[world] > 0, 1.0, 0.0)
+
+
+@wp.kernel
+def distance(view: WorldView, out: wp.array2d(dtype=float), column: int, max_distance: float):
+    """Find roots that are farther from their reference than an annealed limit [m]."""
+    world = wp.tid()
+    offset = root_position(view.robot, world) - wp.transform_get_translation(view.reference.root[world])
+    out[world, column] = wp.where(wp.length(offset) > annealed_limit(view, world, max_distance), 1.0, 0.0)
+
+
+@wp.kernel
+def rotation(view: WorldView, out: wp.array2d(dtype=float), column: int, max_angle: float):
+    """Find roots that are turned from their reference by more than an annealed limit [rad]."""
+    world = wp.tid()
+    reference = wp.transform_get_rotation(view.reference.root[world])
+    angle = rotation_angle(root_orientation(view.robot, world), reference)
+    out[world, column] = wp.where(angle > annealed_limit(view, world, max_angle), 1.0, 0.0)
+
+
+@wp.kernel
+def time_out(view: WorldView, out: wp.array2d(dtype=float), column: int):
+    """Find episodes that have reached their longest time."""
+    world = wp.tid()
+    out[world, column] = wp.where(view.episode_length[world] >= wp.int64(view.max_episode_length), 1.0, 0.0)
+
+
+@wp.kernel
+def end_episodes(
+    conditions: wp.array2d(dtype=float),
+    is_time_out: wp.array(dtype=wp.bool),
     overflow: wp.array(dtype=int),
-    overflow_mask: int,
-    episode_length: wp.array(dtype=wp.int64),
-    max_episode_length: wp.int64,
-    max_distance: float,
-    max_angle: float,
-    world_steps: wp.array(dtype=int),
-    initial_limit_scale: float,
-    limit_anneal_steps: int,
     reason: wp.array(dtype=int),
     reason_count: wp.array(dtype=int),
     done: wp.array(dtype=wp.int64),
     time_out: wp.array(dtype=wp.bool),
 ):
-    """Write why each world's episode ends, 0 if it goes on. Launched over [num_worlds].
+    """Write why each world's episode ends: 1 + the column of the first condition that holds, 0 if none does.
 
-    A failure is reported before a time-out, since only a time-out may be bootstrapped from the value function.
-    ``overflow`` is the solver's own bit mask, shape [num_worlds]; the bits of ``overflow_mask`` count, and it is
-    cleared. ``world_steps`` is the number of control steps that a world has seen, shape [num_worlds]: within the first
-    ``limit_anneal_steps`` the limits fall from ``initial_limit_scale`` times their values. ``reason_count`` counts the
-    ends by reason, shape [number of reasons].
+    A failure hides a time-out, since only a time-out may be bootstrapped from the value function. ``overflow`` is
+    cleared; ``reason_count`` counts the ends by reason, shape [1 + number of conditions].
     """
     world = wp.tid()
-    why = int(REASON_NONE)
-    if not is_finite(robot, world):
-        why = REASON_NON_FINITE
-    elif (overflow[world] & overflow_mask) != 0:
-        why = REASON_OVERFLOW
-    else:
-        root = reference.root[world]
-        distance = wp.length(root_position(robot, world) - wp.transform_get_translation(root))
-        angle = rotation_angle(root_orientation(robot, world), wp.transform_get_rotation(root))
-        if body_contact[world] > 0:
-            why = REASON_BODY_CONTACT
-        elif distance > annealed_limit(max_distance, initial_limit_scale, world_steps[world], limit_anneal_steps):
-            why = REASON_DISTANCE
-        elif angle > annealed_limit(max_angle, initial_limit_scale, world_steps[world], limit_anneal_steps):
-            why = REASON_ROTATION
-        elif episode_length[world] >= max_episode_length:
-            why = REASON_TIME_OUT
+    failure = int(0)
+    expiry = int(0)
+    for term in range(conditions.shape[1]):
+        if conditions[world, term] != 0.0:
+            if is_time_out[term]:
+                expiry = wp.where(expiry == 0, term + 1, expiry)
+            else:
+                failure = wp.where(failure == 0, term + 1, failure)
+    why = wp.where(failure > 0, failure, expiry)
     overflow[world] = 0
     reason[world] = why
-    time_out[world] = why == REASON_TIME_OUT
-    if why != REASON_NONE:
+    time_out[world] = why > 0 and failure == 0
+    done[world] = wp.int64(0)
+    if why > 0:
         wp.atomic_add(reason_count, why, 1)
         done[world] = wp.int64(1)
-    else:
-        done[world] = wp.int64(0)

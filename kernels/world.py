@@ -28,7 +28,7 @@ class BaseBody:
 
 @wp.struct
 class WorldView:
-    """All worlds after a control step. Terms read it; randomization terms write to its motors and bodies.
+    """All worlds after a control step. Terms read it; resets and what is drawn are written to it.
 
     The first axis of every array is the world.
     """

@@ -60,16 +60,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RandomizedParameter(Quantity):
-    """A parameter of the simulation that may differ between worlds, as it is recorded.
+    """A parameter of the simulation that may differ between worlds, as it is recorded."""
 
-    ``env.randomization`` draws it within the range of its name in ``RandomizationConfig``, and holds it in an array of
-    its state's name.
-    """
-
-    when: Literal["world", "episode"] = "episode"
-    """Drawn when the worlds are made, or for each episode."""
-    is_factor: bool = False
-    """Whether the range is one of factors on the nominal value."""
+    array: str = ""
+    """Where the environment holds it: ``motors``, ``base`` or ``bodies``, and the name of an array there."""
+    operation: Literal["scale", "add", "set"] = "scale"
+    """What a draw does to the nominal value or to an earlier draw's. Only what is added may be negative."""
+    when: Literal["world", "episode", "push"] = "episode"
+    """Drawn when the worlds are made, for each episode, or for each push."""
     held_as: Quantity | None = None
     """What the simulation holds, where it is another quantity than the recorded one."""
 
@@ -80,36 +78,42 @@ class RandomizedParameter(Quantity):
 
 
 _JOINT, _AXIS = ("joint",), ("axis",)
+_MASS = Quantity("base_mass", "kg", (), "mass of the base")
+_COM = Quantity("base_com", "m", _AXIS, "centre of mass of the base, base frame")
+_DELAY = Quantity("delay", "1", (), "latency in physics substeps", "int32")
 
 RANDOMIZED_PARAMETERS = (
     RandomizedParameter(
-        "base_mass",
-        "kg",
-        (),
-        "mass added to the base",
-        when="world",
-        held_as=Quantity("base_mass", "kg", (), "mass of the base"),
+        "base_mass", "kg", (), "mass added to the base",
+        array="base.mass", operation="add", when="world", held_as=_MASS,
     ),
     RandomizedParameter(
-        "base_com",
-        "m",
-        _AXIS,
-        "shift of the base's centre of mass, base frame",
-        when="world",
-        held_as=Quantity("base_com", "m", _AXIS, "centre of mass of the base, base frame"),
+        "base_com", "m", _AXIS, "shift of the base's centre of mass, base frame",
+        array="base.com", operation="add", when="world", held_as=_COM,
     ),
-    RandomizedParameter("friction", "1", (), "coefficient of friction between robot and ground"),
-    RandomizedParameter("stiffness", "N m/rad", _JOINT, "stiffness of the motors", is_factor=True),
-    RandomizedParameter("damping", "N m s/rad", _JOINT, "damping of the motors", is_factor=True),
-    RandomizedParameter("strength", "1", _JOINT, "factor on the torque of the motors", is_factor=True),
-    RandomizedParameter("motor_offset", "rad", _JOINT, "error of the motors' zero angle"),
-    RandomizedParameter("joint_friction", "N m", _JOINT, "Coulomb friction of the joints", is_factor=True),
     RandomizedParameter(
-        "latency",
-        "s",
-        (),
-        "time from an action to its effect at the motors",
-        held_as=Quantity("delay", "1", (), "latency in physics substeps", "int32"),
+        "friction", "1", (), "coefficient of friction between robot and ground",
+        array="bodies.friction", operation="set",
     ),
-)
+    RandomizedParameter("stiffness", "N m/rad", _JOINT, "stiffness of the motors", array="motors.stiffness"),
+    RandomizedParameter("damping", "N m s/rad", _JOINT, "damping of the motors", array="motors.damping"),
+    RandomizedParameter("strength", "1", _JOINT, "factor on the torque of the motors", array="motors.strength"),
+    RandomizedParameter(
+        "motor_offset", "rad", _JOINT, "error of the motors' zero angle", array="motors.offset", operation="add"
+    ),
+    RandomizedParameter("joint_friction", "N m", _JOINT, "Coulomb friction of the joints", array="motors.friction"),
+    RandomizedParameter(
+        "latency", "s", (), "time from an action to its effect at the motors",
+        array="motors.delay", operation="set", held_as=_DELAY,
+    ),
+)  # fmt: skip
 """What is recorded of a world, drawn or not. Pushes are recorded where they happen."""
+
+PUSH_PARAMETERS = (
+    RandomizedParameter("push_interval", "s", (), "time between two pushes", operation="set", when="push"),
+    RandomizedParameter(
+        "push_speed", "m/s", (), "horizontal velocity added to the base, in a random direction",
+        operation="set", when="push",
+    ),
+)  # fmt: skip
+"""What is drawn for each push."""

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from types import NoneType, UnionType
-from typing import Any, Literal, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from kine2go_warp.errors import Kine2GoError
 
@@ -29,6 +29,9 @@ PAIR = tuple[str, float]
 @dataclass(frozen=True)
 class Named:
     """A record that settings address by its name, within a tuple of such records."""
+
+    main_field: ClassVar[str] = ""
+    """Field whose value may stand for the whole record, where the others keep their defaults."""
 
     name: str
 
@@ -218,6 +221,8 @@ class _Reader:
             old, where = records.get(name), _join(path, name)
             if old is None and self.base is not None and not _is_complete(kind, value):
                 self.refuse_key(where, [_join(path, one) for one in records])
+            if kind.main_field and not isinstance(value, dict):
+                value = {kind.main_field: value}  # noqa: PLW2901
             given = {"name": name, **value} if isinstance(value, dict) and old is None else value
             records[name] = self.record(kind if old is None else type(old), given, old, where)
         return tuple(records.values())
@@ -256,7 +261,7 @@ def _paths(kind: Any, base: Any, path: str) -> Iterator[str]:
 def _plain(value: Any) -> Any:
     """Return a value as JSON has it."""
     if are_named(value):
-        return {one.name: _parts(one) for one in value}
+        return {one.name: _shortest(one) for one in value}
     if is_dataclass(value):
         return _parts(value)
     if isinstance(value, dict):
@@ -274,6 +279,15 @@ def _parts(record: Any) -> dict[str, Any]:
     """Return the fields of a record, but for the name where it is addressed by that."""
     hidden = {"name"} if isinstance(record, Named) else set()
     return {one.name: _plain(getattr(record, one.name)) for one in fields(record) if one.name not in hidden}
+
+
+def _shortest(record: Named) -> Any:
+    """Return the fields of a record, or the value of its main field where the others keep their defaults."""
+    main = record.main_field
+    others = [one for one in fields(record) if one.name not in ("name", main)]
+    if main and all(getattr(record, one.name) == _default(one) for one in others):
+        return _plain(getattr(record, main))
+    return _parts(record)
 
 
 def _is_named(kind: Any) -> bool:

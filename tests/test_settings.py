@@ -1,7 +1,7 @@
 """Settings from dictionaries: what is laid over what, by name, and how wrong keys and values are refused."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import pytest
 import tyro
@@ -22,6 +22,17 @@ TERMS = (Term("pose", "module:pose", 0.5, (("k", 5.0), ("margin", 0.1))), Term("
 
 
 @dataclass(frozen=True)
+class Span(Named):
+    main_field: ClassVar[str] = "limits"
+
+    limits: tuple[float, ...] = ()
+    shared: bool = False
+
+
+SPANS = (Span("mass"), Span("drag", (1.0, 2.0), shared=True))
+
+
+@dataclass(frozen=True)
 class Inner:
     stiffness: float = 30.0
     limits: tuple[float, float] = (0.0, 1.0)
@@ -36,6 +47,7 @@ class Outer:
     share: float | None = 0.5
     inner: Inner = field(default_factory=lambda: Inner(limits=(0.2, 0.8)))
     terms: tuple[Term, ...] = TERMS
+    spans: tuple[Span, ...] = SPANS
 
 
 def test_values_are_laid_over_what_is_there_down_to_single_fields():
@@ -49,6 +61,12 @@ def test_records_and_their_parameters_are_addressed_by_name():
     assert found.terms == (Term("pose", "module:pose", 2.0, (("k", 3.0), ("margin", 0.1))), TERMS[1])
     added = override(Outer(), {"terms.mine.kernel": "mine.py:kernel"})
     assert added.terms == (*TERMS, Term("mine", "mine.py:kernel"))
+
+
+def test_the_main_field_stands_for_a_record_whose_other_fields_keep_their_defaults():
+    assert to_dictionary(Outer())["spans"] == {"mass": [], "drag": {"limits": [1.0, 2.0], "shared": True}}
+    found = override(Outer(), {"spans.mass": [0, 1], "spans.drag": [3, 4]})
+    assert found.spans == (Span("mass", (0.0, 1.0)), Span("drag", (3.0, 4.0), shared=True))
 
 
 def test_a_written_tree_is_read_back_whole_without_what_it_does_not_name():
@@ -71,6 +89,8 @@ def test_a_written_tree_is_read_back_whole_without_what_it_does_not_name():
         ({"inner.stiffness": True}, "'inner.stiffness' must be a number, not true"),
         ({"inner.limits": [0, 1, 2]}, r"'inner.limits' must be a list of 2, not \[0, 1, 2\]"),
         ({"terms": "pose"}, "'terms' must be a list, not \"pose\""),
+        ({"spans.mas": [0, 1]}, "unknown key 'spans.mas'; near ones are: spans.mass"),
+        ({"spans.mass": 3}, "'spans.mass.limits' must be a list, not 3"),
         ({"inner": 3}, "'inner' must be a section, not 3"),
         ({"mode.x": 3}, "'mode' is .*allowed are"),
     ],
@@ -82,6 +102,8 @@ def test_a_wrong_key_or_value_is_refused_with_what_would_be_right(values, messag
 
 def test_options_name_records_and_parameters():
     arguments = ["--terms.pose.weight", "3", "--terms.pose.params.k", "4", "--inner.stiffness", "9"]
+    arguments += ["--spans.drag", "5", "6"]
     found: Any = tyro.cli(Outer, args=arguments, registry=REGISTRY)
     assert found.inner.stiffness == 9.0
+    assert found.spans == (SPANS[0], Span("drag", (5.0, 6.0), shared=True))
     assert found.terms == (Term("pose", "module:pose", 3.0, (("k", 4.0), ("margin", 0.1))), TERMS[1])

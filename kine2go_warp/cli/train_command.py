@@ -1,9 +1,10 @@
 """The command that trains, and its settings: a preset, over it a file, over that the options."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import tyro
 
@@ -12,7 +13,7 @@ from kine2go_warp.cli.data import ClipPaths
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
-from kine2go_warp.settings import are_named, are_pairs, from_dictionary, to_dictionary
+from kine2go_warp.settings import Named, are_named, are_pairs, from_dictionary, to_dictionary
 from kine2go_warp.toml import place_in, read_toml, to_toml
 
 
@@ -140,6 +141,12 @@ def option(arguments: Sequence[str], name: str) -> str | None:
     return None
 
 
+def option_of(record: Named) -> tuple[Any, Any]:
+    """Return the type and the default of a record's option: those of its main field, if it has one."""
+    name = record.main_field
+    return (get_type_hints(type(record))[name], getattr(record, name)) if name else (type(record), record)
+
+
 REGISTRY = tyro.constructors.ConstructorRegistry()
 """How options name the parts of settings that are addressed by name."""
 
@@ -150,10 +157,17 @@ def by_name(info: tyro.constructors.StructTypeInfo) -> tyro.constructors.StructC
     if are_pairs(info.default):
         parts = [(name, float, value) for name, value in info.default]
     elif are_named(info.default):
-        parts = [(one.name, type(one), one) for one in info.default]
+        parts = [(one.name, *option_of(one)) for one in info.default]
     else:
         return None
+
+    def instantiate(**values: Any) -> tuple[Any, ...]:
+        if are_pairs(info.default):
+            return tuple(values.items())
+        changed = zip(info.default, values.values(), strict=True)
+        return tuple(replace(one, **{one.main_field: value}) if one.main_field else value for one, value in changed)
+
     return tyro.constructors.StructConstructorSpec(
-        instantiate=lambda **values: tuple(values.items()) if are_pairs(info.default) else tuple(values.values()),
+        instantiate=instantiate,
         fields=tuple(tyro.constructors.StructFieldSpec(name, kind, value) for name, kind, value in parts),
     )

@@ -14,7 +14,9 @@ from kine2go_warp.env.terms.observations import (
     REFERENCE_OBSERVATIONS,
     ObservationTerm,
 )
+from kine2go_warp.env.terms.randomization import RANDOMIZATION, RandomizationTerm, active, check_randomization
 from kine2go_warp.env.terms.rewards import REWARDS, RewardTerm
+from kine2go_warp.env.terms.terminations import TERMINATIONS, TerminationTerm
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import MotorLimits, RobotSpec
 from kine2go_warp.settings import check_ranges
@@ -89,86 +91,6 @@ class ResetConfig:
     def __post_init__(self) -> None:
         widths = ("joint_position", "joint_velocity", "tilt", "linear_velocity", "angular_velocity")
         check_ranges(self, reference_probability=(0, 1), **dict.fromkeys(widths, (0, INFINITE)))
-
-
-@dataclass(frozen=True)
-class TerminationConfig:
-    """When an episode fails."""
-
-    max_distance: float = 1.0
-    """Root from its reference [m]."""
-    max_angle: float = 1.5708
-    """Root orientation from its reference [rad]."""
-    initial_limit_scale: float = 1.0
-    """Both limits when training begins, as multiples of the values above."""
-    limit_anneal_time: float = 0.0
-    """Simulated time of each world within which they fall to those values [s]."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, max_distance=(1e-9, INFINITE), max_angle=(1e-9, INFINITE))
-        check_ranges(self, initial_limit_scale=(1, INFINITE), limit_anneal_time=(0, INFINITE))
-
-    @property
-    def anneals_limits(self) -> bool:
-        """Whether the limits change at all."""
-        return self.initial_limit_scale > 1.0
-
-
-Range = tuple[float, ...]
-"""Least and greatest value of something that is drawn uniformly; empty if it is not drawn."""
-
-
-@dataclass(frozen=True)
-class RandomizationConfig:
-    """What differs between the worlds; everything is off by default. Factors and offsets are drawn for each joint."""
-
-    base_mass: Range = ()
-    """Mass added to the base [kg], drawn when the worlds are made."""
-    base_com: Range = ()
-    """Shift of the base's centre of mass along each axis [m], drawn when the worlds are made."""
-    friction: Range = ()
-    """Coefficient of friction between robot and ground, drawn for each episode."""
-    stiffness: Range = ()
-    """Factor on the stiffness of the motors, drawn for each episode."""
-    damping: Range = ()
-    """Factor on the damping of the motors, drawn for each episode."""
-    strength: Range = ()
-    """Factor on the torque of the motors, drawn for each episode."""
-    motor_offset: Range = ()
-    """Error of the motors' zero angle [rad], drawn for each episode."""
-    joint_friction: Range = ()
-    """Factor on the joints' friction, drawn for each episode."""
-    latency: Range = ()
-    """Time from an action to its effect at the motors, rounded to physics substeps [s], drawn for each episode."""
-    push_interval: Range = ()
-    """Time between two pushes [s], drawn for each push."""
-    push_speed: Range = ()
-    """Horizontal velocity that a push adds to the base [m/s], its direction being random, drawn for each push."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, **dict.fromkeys(vars(self), (-INFINITE, INFINITE)))
-        for name, limits in vars(self).items():
-            if len(limits) not in (0, 2) or (limits and not limits[0] <= limits[1]):
-                raise Kine2GoError(f"{name} is {list(limits)}; it must be empty or [least, greatest]")
-        for name in (
-            "friction",
-            "stiffness",
-            "damping",
-            "strength",
-            "joint_friction",
-            "latency",
-            "push_interval",
-            "push_speed",
-        ):
-            if any(value < 0.0 for value in getattr(self, name)):
-                raise Kine2GoError(f"{name} is {list(getattr(self, name))}; it must not be negative")
-        if bool(self.push_interval) != bool(self.push_speed):
-            raise Kine2GoError("push_interval and push_speed are needed together")
-
-    def chosen(self, name: str, otherwise: float) -> tuple[float, float]:
-        """Return the range of a quantity, one value alone if it is not drawn."""
-        limits = getattr(self, name)
-        return (limits[0], limits[1]) if limits else (otherwise, otherwise)
 
 
 @dataclass(frozen=True)
@@ -278,8 +200,14 @@ class EnvConfig:
     privileged_observations: tuple[ObservationTerm, ...] = PRIVILEGED_OBSERVATIONS
     """What only the critic sees, with ``privileged``."""
     reset: ResetConfig = field(default_factory=ResetConfig)
-    termination: TerminationConfig = field(default_factory=TerminationConfig)
-    randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
+    terminations: tuple[TerminationTerm, ...] = TERMINATIONS
+    """Conditions that end an episode."""
+    initial_limit_scale: float = 1.0
+    """Limits of distance and rotation when training begins, as multiples of their values."""
+    limit_anneal_time: float = 0.0
+    """Simulated time of each world within which they fall to those values [s]."""
+    randomization: tuple[RandomizationTerm, ...] = RANDOMIZATION
+    """What differs between the worlds."""
     phase_sampling: PhaseSamplingConfig = field(default_factory=PhaseSamplingConfig)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
     privileged: bool = False
@@ -289,6 +217,7 @@ class EnvConfig:
     def __post_init__(self) -> None:
         check_ranges(self, num_worlds=(0, 1e6), seed=(0, 2**31 - 1), control_rate=(1, 1e4), episode_time=(1e-3, 1e6))
         check_ranges(self, history_length=(1, 1000), steps_ahead=(0, 1e5))
+        check_ranges(self, initial_limit_scale=(1, INFINITE), limit_anneal_time=(0, INFINITE))
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
             raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
@@ -297,6 +226,8 @@ class EnvConfig:
         check_names(self.rewards, "reward")
         check_names((*self.observations, *self.reference_observations), "observation")
         check_names(self.privileged_observations, "privileged observation")
+        check_names(self.terminations, "termination")
+        check_randomization(self.randomization)
         if not any(term.enabled for term in self.observations):
             raise Kine2GoError("observations are all switched off; a policy must see something of the robot")
 
@@ -320,6 +251,31 @@ class EnvConfig:
         return (
             sum(weight * (maximum or 0.0) for weight, maximum in zip(weights, maxima, strict=True)) / self.control_rate
         )
+
+    @property
+    def active_terminations(self) -> tuple[TerminationTerm, ...]:
+        """The conditions that end episodes; the reason of an end is 1 + the place in them."""
+        return tuple(term for term in self.terminations if term.enabled)
+
+    @property
+    def reason_names(self) -> tuple[str, ...]:
+        """Names of the reasons why an episode ends, indexed by the reason, which is 0 (no text) while it goes on."""
+        return ("", *(term.name for term in self.active_terminations))
+
+    @property
+    def fault_reasons(self) -> tuple[int, ...]:
+        """Reasons that are the simulation's fault, not the policy's."""
+        return tuple(reason for reason, term in enumerate(self.active_terminations, 1) if term.is_fault)
+
+    @property
+    def anneals_limits(self) -> bool:
+        """Whether limits of failure change at all."""
+        return self.initial_limit_scale > 1.0
+
+    @property
+    def draws_bodies(self) -> bool:
+        """Whether masses differ between the worlds."""
+        return any(term.range and term.drawn.when == "world" for term in self.randomization)
 
     def on(self, device: str) -> "EnvConfig":
         """Return the settings with the number of worlds chosen for a device, such as ``cpu``, where it is left open."""
@@ -345,7 +301,7 @@ class EnvConfig:
     @property
     def limit_anneal_steps(self) -> int:
         """Control steps within which the limits of failure fall to their values."""
-        return round(self.termination.limit_anneal_time * self.control_rate)
+        return round(self.limit_anneal_time * self.control_rate)
 
     @property
     def max_contacts(self) -> int:
@@ -365,5 +321,6 @@ class EnvConfig:
     @property
     def delay_range(self) -> tuple[int, int]:
         """Least and greatest action latency in physics substeps."""
-        least, greatest = self.randomization.chosen("latency", self.action.latency)
-        return round(least / self.substep_duration), round(greatest / self.substep_duration)
+        drawn = [value for term in active(self.randomization, "latency") for value in term.range]
+        substeps = [round(value / self.substep_duration) for value in drawn or [self.action.latency]]
+        return min(substeps), max(substeps)

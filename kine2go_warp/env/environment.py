@@ -22,7 +22,6 @@ from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
 from kine2go_warp.env.terrain import build_height_field, reach_of
 from kine2go_warp.kernels import observations, resets, terminations
 from kine2go_warp.kernels.reference import sample_reference
-from kine2go_warp.kernels.resets import ResetRanges
 from kine2go_warp.kernels.rewards import sum_rewards
 from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.kernels.world import WorldView
@@ -66,7 +65,7 @@ class ImitationEnvironment:
             self.simulation = Simulation(spec, config, ground, self.device)
             self.motors = Motors(config, self.constants)
             self.episodes = Episodes(clips, config, ground, first_world)
-            self.randomization = Randomization(config, self.simulation, self.motors, self.episodes)
+            self.randomization = Randomization(config, self.simulation, self.motors)
             self.robot = self.simulation.robot
             self._build_buffers()
             self.views = {ahead: self._build_view(ahead) for ahead in (0, *config.steps_ahead)}
@@ -103,7 +102,7 @@ class ImitationEnvironment:
         """
         with wp.ScopedDevice(self.device):
             self.episodes.restart(seed, first_world)
-            self.randomization.draw_bodies()
+            self.randomization.draw_bodies(self.views[0])
             self._reset_worlds(starts)
             self._observe()
             self.episodes.done.zero_()
@@ -120,9 +119,9 @@ class ImitationEnvironment:
         self.reward = wp.zeros(num_worlds, dtype=float)
         self.observation = wp.zeros((num_worlds, observation_size(config)), dtype=float)
         self.privileged_observation = wp.zeros((num_worlds, privileged_size(config)), dtype=float)
-        self.reset_ranges = ResetRanges()
-        for name, value in vars(config.reset).items():
-            setattr(self.reset_ranges, name, value)
+        self.terminations = config.active_terminations
+        self.conditions = wp.zeros((num_worlds, len(self.terminations)), dtype=float)
+        self.is_time_out = wp.array([term.is_time_out for term in self.terminations], dtype=wp.bool)
 
     def _build_view(self, ahead: int) -> WorldView:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Return what terms read, which shares all arrays, for observations of a number of control steps from now."""
@@ -142,7 +141,7 @@ class ImitationEnvironment:
         view.world_steps, view.done = episodes.world_steps, episodes.done
         view.seed, view.episode = episodes.seed, episodes.episode
         view.max_episode_length, view.overflow_mask = config.max_episode_length, OVERFLOW_MASK
-        view.initial_limit_scale = config.termination.initial_limit_scale
+        view.initial_limit_scale = config.initial_limit_scale
         view.limit_anneal_steps = config.limit_anneal_steps
         view.nominal_stiffness, view.nominal_damping = config.motor.stiffness, config.motor.damping
         view.robot_weight, view.control_duration = simulation.robot_weight, config.control_duration
@@ -179,7 +178,7 @@ class ImitationEnvironment:
         """Launch one control step."""
         episodes = self.episodes
         self.motors.set_targets(self.action, episodes.clips, episodes.placement, episodes.reference_step)
-        self.randomization.push_robots()
+        self.randomization.push_robots(self.views[0])
         if simulate:
             self.simulation.advance(self.motors, episodes.reference_step)
         self.simulation.collect_contacts()
@@ -191,7 +190,7 @@ class ImitationEnvironment:
 
     def _evaluate(self) -> None:
         """Compare the new state with the reference: rewards and terminations."""
-        episodes, simulation, limits = self.episodes, self.simulation, self.config.termination
+        episodes = self.episodes
         wp.launch(
             sample_reference,
             dim=self.num_worlds,
@@ -201,65 +200,25 @@ class ImitationEnvironment:
             term.launch(self.views[0], self.reward_terms, column)
         inputs = [self.robot, self.reward_weights, self.reward_terms, self.reward]
         wp.launch(sum_rewards, dim=self.num_worlds, inputs=inputs)
-        wp.launch(
-            terminations.terminate,
-            dim=self.num_worlds,
-            inputs=[
-                self.robot,
-                self.reference,
-                simulation.body_contact,
-                simulation.overflow,
-                OVERFLOW_MASK,
-                episodes.length,
-                self.config.max_episode_length,
-                limits.max_distance,
-                limits.max_angle,
-                episodes.world_steps,
-                limits.initial_limit_scale,
-                self.config.limit_anneal_steps,
-                episodes.reason,
-                episodes.reason_count,
-                episodes.done,
-                episodes.time_out,
-            ],
-        )
+        for column, term in enumerate(self.terminations):
+            term.launch(self.views[0], self.conditions, column)
+        ends = [episodes.reason, episodes.reason_count, episodes.done, episodes.time_out]
+        inputs = [self.conditions, self.is_time_out, self.simulation.overflow, *ends]
+        wp.launch(terminations.end_episodes, dim=self.num_worlds, inputs=inputs)
 
     def _reset_worlds(self, starts: EpisodeStart | None = None) -> None:
         """Start a new episode in every world that is done."""
-        episodes, simulation = self.episodes, self.simulation
+        episodes, view, settings, constants = self.episodes, self.views[0], self.config.reset, self.constants
         episodes.reset()
         if starts is not None:
             episodes.set_starts(starts)
-        self.randomization.reset()
-        drawn = [*episodes.reset_inputs, episodes.clips, episodes.placement]
-        wp.launch(
-            resets.reset_joints,
-            dim=self.num_worlds,
-            inputs=[
-                *drawn,
-                self.reset_ranges,
-                self.constants.default_position,
-                self.constants.joint_lower,
-                self.constants.joint_upper,
-                self.robot,
-                self.motors.target_queue,
-                self.motors.torque,
-            ],
-        )
-        wp.launch(
-            resets.reset_root,
-            dim=self.num_worlds,
-            inputs=[
-                *drawn,
-                simulation.geometry,
-                self.reset_ranges,
-                self.robot,
-                simulation.foot_force,
-                simulation.warm_start,
-            ],
-        )
-        inputs = [episodes.done, self.action, self.last_action]
-        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=inputs)
+        self.randomization.reset(view)
+        widths = [settings.reference_probability, settings.joint_position, settings.joint_velocity]
+        inputs = [view, *widths, constants.joint_lower, constants.joint_upper, self.motors.target_queue]
+        wp.launch(resets.reset_joints, dim=self.num_worlds, inputs=inputs)
+        widths = [settings.reference_probability, settings.tilt, settings.linear_velocity, settings.angular_velocity]
+        wp.launch(resets.reset_root, dim=self.num_worlds, inputs=[view, *widths, self.simulation.warm_start])
+        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=[view])
 
     def _observe(self) -> None:
         """Write the observation of the present state."""

@@ -12,7 +12,6 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.terrain import HeightField
 from kine2go_warp.kernels import phase_sampling, resets
 from kine2go_warp.kernels.phase_sampling import PhaseTable
-from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.motions.clip import MotionClip
 
 
@@ -50,13 +49,8 @@ class Episodes:
         self.done = wp.zeros(self.num_worlds, dtype=wp.int64)
         self.time_out = wp.zeros(self.num_worlds, dtype=wp.bool)
         self.reason = wp.zeros(self.num_worlds, dtype=int)
-        self.reason_count = wp.zeros(len(REASON_NAMES), dtype=int)
+        self.reason_count = wp.zeros(len(config.reason_names), dtype=int)
         self.restart(config.seed)
-
-    @property
-    def reset_inputs(self) -> list[wp.array]:
-        """What every kernel needs that draws something for a new episode."""
-        return [self.done, self.seed, self.episode]
 
     def restart(self, seed: int, first_world: int | None = None) -> None:
         """Forget everything that has happened, and end all episodes."""
@@ -71,7 +65,7 @@ class Episodes:
     def advance(self) -> None:
         """Count one control step."""
         wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
-        if self.config.termination.anneals_limits:
+        if self.config.anneals_limits:
             wp.launch(resets.count_world_steps, dim=self.num_worlds, inputs=[self.world_steps])
 
     def learn_from_failures(self) -> None:
@@ -94,7 +88,9 @@ class Episodes:
             resets.draw_episodes,
             dim=self.num_worlds,
             inputs=[
-                *self.reset_inputs,
+                self.done,
+                self.seed,
+                self.episode,
                 self.clips,
                 self.placement,
                 self.phase_table,

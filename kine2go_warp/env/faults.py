@@ -7,16 +7,13 @@ import numpy as np
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.snapshot import WorldSnapshot
 from kine2go_warp.errors import SimulationError
-from kine2go_warp.kernels.terminations import REASON_NAMES, REASON_NON_FINITE, REASON_OVERFLOW
-
-FAULTS = (int(REASON_NON_FINITE), int(REASON_OVERFLOW))
-"""Reasons that are the simulation's fault, not the policy's."""
 
 
 def fault_counts(environment: ImitationEnvironment) -> dict[str, int]:
     """Return how many episodes have ended by each fault since the last restart. It waits for the device."""
     counts = environment.episodes.reason_count.numpy()
-    return {REASON_NAMES[reason]: int(counts[reason]) for reason in FAULTS}
+    config = environment.config
+    return {config.reason_names[reason]: int(counts[reason]) for reason in config.fault_reasons}
 
 
 class StrictStepper:
@@ -38,12 +35,13 @@ class StrictStepper:
         before = WorldSnapshot.take(self.environment)
         self.environment.step()
         reasons = self.environment.episodes.reason.numpy()
-        failed = np.flatnonzero(np.isin(reasons, FAULTS))
+        config = self.environment.config
+        failed = np.flatnonzero(np.isin(reasons, config.fault_reasons))
         if len(failed):
             world = int(failed[0])
             path = self.folder / f"fault_world_{world}.npz"
             before.selected(np.array([world])).save(path)
             raise SimulationError(
-                f"{REASON_NAMES[reasons[world]]} in world {world} of {len(reasons)}; the state before the step and the "
-                f"output that led to it are in {path}"
+                f"{config.reason_names[reasons[world]]} in world {world} of {len(reasons)}; the state before the step "
+                f"and the output that led to it are in {path}"
             )

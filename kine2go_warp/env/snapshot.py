@@ -78,7 +78,7 @@ class WorldSnapshot:
                     raise Kine2GoError(f"{name} of the snapshot has shape {values.shape}, expected {array.shape}")
                 array.assign(values)
             bodies = environment.randomization.bodies
-            if environment.config.randomization.base_mass or environment.config.randomization.base_com:
+            if environment.config.draws_bodies:
                 bodies.apply_bodies()
             bodies.apply_friction()
             environment.episodes.done.zero_()
@@ -108,9 +108,7 @@ def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
     It is what policy and critic see, with its history, and each world's steps where limits of failure are annealed.
     """
     arrays = {"observation": environment.observation, "privileged_observation": environment.privileged_observation}
-    return arrays | (
-        {"world_steps": environment.episodes.world_steps} if environment.config.termination.anneals_limits else {}
-    )
+    return arrays | ({"world_steps": environment.episodes.world_steps} if environment.config.anneals_limits else {})
 
 
 def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:

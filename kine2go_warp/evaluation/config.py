@@ -5,7 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from kine2go_warp.env.config import EnvConfig, RandomizationConfig, TerminationConfig
+from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.terms.randomization import RANDOMIZATION
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import ROBUST
 from kine2go_warp.rollouts.config import MILD, rollout_environment
@@ -47,8 +48,8 @@ class EvalConfig:
 
     def environment(self, trained: EnvConfig, randomised: bool, num_worlds: int) -> EnvConfig:
         """Return the environment to evaluate in: that of the training, with the same limits for every policy."""
-        limits = TerminationConfig(self.max_distance, self.max_angle)
-        randomization = RANDOMIZATIONS[self.randomization] if randomised else RandomizationConfig()
+        limits = (self.max_distance, self.max_angle)
+        randomization = RANDOMIZATIONS[self.randomization] if randomised else RANDOMIZATION
         return rollout_environment(trained, num_worlds, self.seed, self.seconds + 1.0, limits, randomization)
 
     def initial_phases(self) -> np.ndarray:

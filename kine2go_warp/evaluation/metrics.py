@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.metrics import joint_rmse, root_error
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rollouts.rollout import RecordedRollouts
@@ -52,7 +51,7 @@ class Result:
     length: NDArray
     """Rows of each rollout."""
     failure: NDArray
-    """Why each rollout ended early, an index into ``REASON_NAMES``, 0 if it did not."""
+    """Why each rollout ended early, no text if it did not."""
     initial_phase: NDArray
     """Initial phase of each rollout, in [0, 1)."""
     joint_error: NDArray
@@ -63,7 +62,7 @@ class Result:
     @property
     def survival(self) -> Estimate:
         """Share of rollouts that reached their end, with its interval."""
-        return estimate_share([self.failure == 0])
+        return estimate_share([self.failure == ""])
 
     def estimate(self, name: str) -> Estimate:
         """Return the mean of a metric, with its interval."""
@@ -72,7 +71,7 @@ class Result:
     @property
     def reasons(self) -> dict[str, int]:
         """Number of rollouts that ended early, by reason."""
-        return dict(Counter(REASON_NAMES[reason] for reason in self.failure if reason))
+        return dict(Counter(str(reason) for reason in self.failure if reason))
 
     @property
     def meets_thresholds(self) -> bool:

@@ -15,7 +15,6 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2, MotorLimits, RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.rollout import InitialStates, RecordedRollouts, Rows
@@ -26,7 +25,7 @@ class Track:
     """What has been seen of one rollout, row by row."""
 
     rows: dict[str, list[NDArray]]
-    failure: int = 0
+    failure: str = ""
 
     def add(self, **values: Any) -> None:
         """Add a row."""
@@ -133,19 +132,18 @@ class MujocoRollouts:
                 break
         return track
 
-    def _failure(self, state: MeasuredState, controller: PolicyController, step: int) -> int:
-        """Return why a rollout must end, 0 if it goes on; the limits and their order are the environment's."""
+    def _failure(self, state: MeasuredState, controller: PolicyController, step: int) -> str:
+        """Return why a rollout must end, no text if it goes on, by the package's own terms."""
         data, root = self.robot.data, controller.reference.root(step)
-        reason = "none"
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
-            reason = "non_finite"
-        elif self.robot.touches_ground:
-            reason = "body_contact"
-        elif np.linalg.norm(state.root_position - root.position) > self.config.max_distance:
-            reason = "distance"
-        elif turn_between(state.root_orientation, root.rotation) > self.config.max_angle:
-            reason = "rotation"
-        return REASON_NAMES.index(reason)
+            return "non_finite"
+        if self.robot.touches_ground:
+            return "body_contact"
+        if np.linalg.norm(state.root_position - root.position) > self.config.max_distance:
+            return "distance"
+        if turn_between(state.root_orientation, root.rotation) > self.config.max_angle:
+            return "rotation"
+        return ""
 
     def _completed(self, track: Track) -> Rows:
         """Return the rows of a rollout as in a dataset, NaN after its end."""

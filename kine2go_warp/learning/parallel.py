@@ -14,7 +14,6 @@ import torch
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.env.faults import FAULTS
 from kine2go_warp.env.observations import observation_size, privileged_size
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import SimulationError
@@ -143,8 +142,7 @@ class ParallelVecEnv(BufferedVecEnv):
         self.own.advance()
         self._own_rows.copy_results(self.own.buffers)
         self._wait()
-        reasons = self.buffers.reason
-        self._faults += int(((reasons == FAULTS[0]) | (reasons == FAULTS[1])).sum())
+        self._faults += sum(int((self.buffers.reason == fault).sum()) for fault in self.config.fault_reasons)
 
     def snapshot(self) -> EnvironmentSnapshot:
         """Return all that the worlds need to go on exactly.

@@ -3,11 +3,12 @@
 import json
 import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from kine2go_warp import __version__
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import Preset
@@ -40,6 +41,23 @@ class PolicyRecord:
     def complete(self) -> bool:
         """Whether training has reached its last iteration."""
         return self.iterations >= self.preset.ppo.iterations
+
+
+def read_preset(values: dict[str, Any], where: str) -> Preset:
+    """Return the settings of a policy, also of one that was made before the ends of episodes were terms.
+
+    Raises:
+        PolicyError: they are not settings of this version.
+    """
+    env = dict(values["env"])
+    before = env.pop("termination", None)
+    preset = from_dictionary(Preset, {**values, "env": env}, where, PolicyError)
+    if before is None:
+        return preset
+    env = preset.env
+    terms = with_limits(before["max_distance"], before["max_angle"], env.terminations)
+    scale, time = before["initial_limit_scale"], before["limit_anneal_time"]
+    return replace(preset, env=replace(env, terminations=terms, initial_limit_scale=scale, limit_anneal_time=time))
 
 
 def iteration_of(checkpoint: Path) -> int | None:
@@ -98,7 +116,7 @@ class PolicyFolder:
                     "or use the version that wrote it"
                 )
             return PolicyRecord(
-                preset=from_dictionary(Preset, values["preset"], str(self.record_file), PolicyError),
+                preset=read_preset(values["preset"], str(self.record_file)),
                 clips=tuple(values["clips"]),
                 fingerprint=values["fingerprint"],
                 iterations=values["iterations"],

@@ -10,10 +10,10 @@ from kine2go_warp.env.config import (
     EnvConfig,
     MotorConfig,
     PhaseSamplingConfig,
-    RandomizationConfig,
     ResetConfig,
-    TerminationConfig,
 )
+from kine2go_warp.env.terms.randomization import randomized
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.objects import load_object
 from kine2go_warp.settings import check_ranges, override
@@ -164,7 +164,7 @@ FAST = Preset(
         action=ActionConfig(mode="residual_ff"),
         motor=MotorConfig(stiffness=60.0, damping=2.0, friction=1.0),
         reset=GENTLE_START,
-        termination=TerminationConfig(max_distance=0.4, max_angle=1.0),
+        terminations=with_limits(0.4, 1.0),
     ),
     ppo=PpoConfig(
         iterations=200,
@@ -183,7 +183,7 @@ ROBUST = replace(
     preset="robust",
     env=replace(
         FAST.env,
-        randomization=RandomizationConfig(
+        randomization=randomized(
             base_mass=(-0.5, 1.5),
             base_com=(-0.02, 0.02),
             friction=(0.5, 1.2),

@@ -1,9 +1,11 @@
 """Settings of the gathering stage, and the environment that policies are rolled out in."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
-from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, RandomizationConfig, ResetConfig, TerminationConfig
+from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, ResetConfig
+from kine2go_warp.env.terms.randomization import RandomizationTerm, check_randomization, randomized
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import DatasetError
 
 ProgressCallback = Callable[[int, int, str], None]
@@ -12,7 +14,7 @@ ProgressCallback = Callable[[int, int, str], None]
 CPU_WORLDS, CUDA_WORLDS = 128, 4096
 """Most rollouts run at once where ``num_worlds`` is not set."""
 
-MILD = RandomizationConfig(base_mass=(-0.3, 0.7), friction=(0.6, 1.0), push_interval=(3.0, 6.0), push_speed=(0.0, 0.2))
+MILD = randomized(base_mass=(-0.3, 0.7), friction=(0.6, 1.0), push_interval=(3.0, 6.0), push_speed=(0.0, 0.2))
 """What differs between rollouts by default: little enough for a policy that was trained without it."""
 
 
@@ -59,7 +61,7 @@ class GatherConfig:
     """Largest joint speed as a share of the motor's largest."""
     max_leg_overlap: float = 0.01
     """Greatest depth of a leg in another one, the trunk or the head [m]."""
-    randomization: RandomizationConfig = field(default_factory=lambda: MILD)
+    randomization: tuple[RandomizationTerm, ...] = MILD
     """What differs between the rollouts."""
 
     def __post_init__(self) -> None:
@@ -73,6 +75,7 @@ class GatherConfig:
             raise DatasetError("max-attempts and num-worlds must be at least 1")
         if not 0.0 <= self.min_acceptance <= 1.0:
             raise DatasetError("min-acceptance must be between 0 and 1")
+        check_randomization(self.randomization)
         for name, value in vars(self).items():
             if name.startswith("max_") and value <= 0.0:
                 raise DatasetError(f"{name.replace('_', '-')} must be positive")
@@ -85,7 +88,7 @@ class GatherConfig:
     def environment(self, trained: EnvConfig, rows: int, num_worlds: int) -> EnvConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
-        limits = TerminationConfig(self.max_distance, self.max_angle)
+        limits = (self.max_distance, self.max_angle)
         return rollout_environment(trained, num_worlds, self.seed, time, limits, self.randomization)
 
 
@@ -94,8 +97,8 @@ def rollout_environment(
     num_worlds: int,
     seed: int,
     episode_time: float,
-    limits: TerminationConfig,
-    randomization: RandomizationConfig,
+    limits: tuple[float, float],
+    randomization: tuple[RandomizationTerm, ...],
 ) -> EnvConfig:
     """Return the environment to roll a policy out in: that of its training, but for what is given and the resets.
 
@@ -106,7 +109,7 @@ def rollout_environment(
         num_worlds: Rollouts that run at once.
         seed: Seed of the worlds.
         episode_time: Longer than a rollout, so that no rollout ends by its time [s].
-        limits: When a rollout has failed.
+        limits: Largest distance [m] and angle [rad] of the root from its reference.
         randomization: What differs between the rollouts.
     """
     return replace(
@@ -115,7 +118,8 @@ def rollout_environment(
         seed=seed,
         episode_time=episode_time,
         reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
-        termination=limits,
+        terminations=with_limits(*limits, trained.terminations),
+        initial_limit_scale=1.0,
         randomization=randomization,
         phase_sampling=PhaseSamplingConfig(),
         privileged=False,

@@ -69,8 +69,7 @@ class OpenLoop:
         }
         for name, array in targets.items():
             array.assign(initial[name])
-        randomization = self.config.randomization
-        if randomization.base_mass or randomization.base_com:
+        if self.config.draws_bodies:
             self.bodies.apply_bodies()
         self.bodies.apply_friction()
 

@@ -64,13 +64,11 @@ def filter_rollouts(
 
     Args:
         rows: Rows as in the dataset, NaN beyond each trajectory's length.
-        failures: Why the simulation ended each rollout early, an index into ``REASON_NAMES``, 0 if it did not.
+        failures: Why the simulation ended each rollout early, no text if it did not.
         config: The limits.
         frame_duration: Time between two rows [s].
         spec: The robot.
     """
-    from kine2go_warp.kernels.terminations import REASON_NAMES
-
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # A rollout that failed at once has no rows: its figures are NaN, and its reason is known.
         warnings.simplefilter("ignore")
@@ -80,6 +78,6 @@ def filter_rollouts(
     reasons = []
     for index, failure in enumerate(failures):
         exceeded = [one.reason for one in FILTER_METRICS if not shares[one.name][index] <= 1.0]
-        reasons.append(REASON_NAMES[failure] if failure else next(iter(exceeded), ""))
+        reasons.append(str(failure) or next(iter(exceeded), ""))
     assert set(quality) == {array.name for array in QUALITY_ARRAYS}
     return FilterResult(tuple(reasons), {name: np.asarray(values, np.float32) for name, values in quality.items()})

@@ -63,7 +63,7 @@ class RecordedRollouts:
     length: NDArray
     """Rows of each rollout, shape [num_rollouts]."""
     failure: NDArray
-    """Why each rollout ended early, an index into ``REASON_NAMES``, 0 if it did not; shape [num_rollouts]."""
+    """Why each rollout ended early, no text if it did not, shape [num_rollouts]."""
     initial: InitialStates
     rows_simulated: int = 0
     """Rows recorded of all rollouts, those after an early end included."""
@@ -137,4 +137,5 @@ def roll_out(
         return padded(continuous(rows, axis=1) if name.endswith("orientation") else rows, length[chosen])
 
     rows_simulated = env.num_envs * max(steps - warm_up, 0)
-    return RecordedRollouts(writer.names, read, length, failure.cpu().numpy(), initial, rows_simulated)
+    reasons = np.array(environment.config.reason_names)[failure.cpu().numpy()]
+    return RecordedRollouts(writer.names, read, length, reasons, initial, rows_simulated)

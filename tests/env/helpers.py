@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from kine2go_warp.env.config import RandomizationConfig, ResetConfig
+from kine2go_warp.env.config import ResetConfig
+from kine2go_warp.env.terms.randomization import randomized
 
 STILL = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-EVERYTHING = RandomizationConfig(
+EVERYTHING = randomized(
     base_mass=(-1.0, 2.0),
     base_com=(-0.02, 0.02),
     friction=(0.4, 1.2),

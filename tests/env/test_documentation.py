@@ -16,5 +16,5 @@ def test_the_page_names_every_observation_and_range():
     page, config = environment_page(), EnvConfig()
     for field in observation_layout(config):
         assert f"| `{field.name}` | {field.start} | {field.stop} |" in page
-    for name in vars(config.randomization):
-        assert f"`{name}`" in page
+    for term in (*config.randomization, *config.terminations):
+        assert f"`{term.name}`" in page

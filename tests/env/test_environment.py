@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kine2go_warp.env.config import EnvConfig, MotorConfig, TerminationConfig
+from kine2go_warp.env.config import EnvConfig, MotorConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout, observation_size
 from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2
 from tests.env.helpers import STILL, assert_same_bits, drive
 
@@ -32,23 +32,23 @@ def test_a_robot_on_its_reference_earns_the_maximum_for_64_headings(clip, small_
 
 
 def test_a_limp_robot_falls_and_begins_anew(standing_clip, small_config):
-    config = replace(small_config, motor=MotorConfig(1e-3, 0.1), termination=TerminationConfig(10.0, 10.0), reset=STILL)
+    config = replace(small_config, motor=MotorConfig(1e-3, 0.1), terminations=with_limits(10.0, 10.0), reset=STILL)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     names = set()
     for _ in range(90):
         environment.step()
         names |= set(environment.episodes.reason.numpy().tolist())
-    assert 3 in names, "the base touches the floor"
+    assert config.reason_names.index("body_contact") in names, "the base touches the floor"
 
 
 def test_limits_tighten_while_worlds_grow_older(standing_clip, small_config):
-    limits = TerminationConfig(0.01, 10.0, initial_limit_scale=100.0, limit_anneal_time=0.5)
-    config = replace(small_config, motor=MotorConfig(1e-3, 0.1), termination=limits, reset=STILL)
+    config = replace(small_config, motor=MotorConfig(1e-3, 0.1), terminations=with_limits(0.01, 10.0), reset=STILL)
+    config = replace(config, initial_limit_scale=100.0, limit_anneal_time=0.5)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     failures = []
     for _ in range(40):
         environment.step()
-        failures.append(environment.episodes.reason.numpy() == REASON_NAMES.index("distance"))
+        failures.append(environment.episodes.reason.numpy() == config.reason_names.index("distance"))
     assert not np.any(failures[:15]), "within half a metre of the reference nothing ends"
     assert np.all(np.any(failures[25:], axis=0)), "a limp robot sinks by a centimetre soon"
 
@@ -87,7 +87,8 @@ def test_the_paper_is_the_default():
     assert (config.num_worlds, config.episode_time, config.control_rate, config.substeps) == (8192, 20.0, 60.0, 4)
     assert (config.action.scale, config.action.clip, config.action.latency) == (0.25, 100.0, 0.02)
     assert (config.history_length, config.steps_ahead) == (3, (1, 2, 10, 30))
-    assert (config.termination.max_distance, config.termination.max_angle) == (1.0, 1.5708)
+    limits = {name: value for term in config.terminations for name, value in term.params}
+    assert limits == {"max_distance": 1.0, "max_angle": 1.5708}
     assert config.delay_substeps == 5
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kine2go_warp.env.config import SolverConfig, TerminationConfig
+from kine2go_warp.env.config import SolverConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.faults import StrictStepper, fault_counts
 from kine2go_warp.env.simulation import OVERFLOW_MASK
 from kine2go_warp.env.snapshot import WorldSnapshot
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError, SimulationError
-from kine2go_warp.kernels.terminations import REASON_NAMES
 from kine2go_warp.robots import GO2
 from tests.env.helpers import EVERYTHING, drive
 
@@ -20,7 +20,7 @@ from tests.env.helpers import EVERYTHING, drive
 def cramped(small_config):
     """Room for four standing feet, but not for a robot that lies on the ground."""
     solver = SolverConfig(max_contacts=5, max_constraints=16)
-    return replace(small_config, num_worlds=4, solver=solver, termination=TerminationConfig(50.0, 10.0))
+    return replace(small_config, num_worlds=4, solver=solver, terminations=with_limits(50.0, 10.0))
 
 
 def fall(environment, steps):
@@ -30,7 +30,7 @@ def fall(environment, steps):
         environment.action.assign(np.float32(rng.normal(0.0, 6.0, (environment.num_worlds, 12))))
         environment.step()
         reasons += environment.episodes.reason.numpy().tolist()
-    return [REASON_NAMES[reason] for reason in reasons if reason]
+    return [environment.config.reason_names[reason] for reason in reasons if reason]
 
 
 def test_full_buffers_are_noticed_counted_and_reset(clip, cramped):
@@ -58,7 +58,7 @@ def test_an_overflow_of_an_early_substep_is_noticed(clip, cramped):
 
 
 def test_the_default_buffers_hold_a_robot_that_falls_in_every_way(clip, small_config):
-    config = replace(small_config, num_worlds=64, termination=TerminationConfig(50.0, 10.0))
+    config = replace(small_config, num_worlds=64, terminations=with_limits(50.0, 10.0))
     environment = ImitationEnvironment([clip], config, "cpu")
     assert "body_contact" in fall(environment, 120)
     assert fault_counts(environment) == {"non_finite": 0, "overflow": 0}
@@ -71,7 +71,7 @@ def test_a_state_that_is_not_finite_ends_the_episode_and_harms_no_other(clip, sm
     environment.robot.joint_qd.assign(joint_qd)
     environment.step()
     assert fault_counts(environment)["non_finite"] == 1
-    assert REASON_NAMES[environment.episodes.reason.numpy()[3]] == "non_finite"
+    assert environment.config.reason_names[environment.episodes.reason.numpy()[3]] == "non_finite"
     last = drive(environment, 5, 0)[-1]
     assert np.isfinite(last["observation"]).all()
     assert np.isfinite(last["joint_q"]).all()
@@ -93,11 +93,11 @@ def test_the_strict_stepper_saves_the_state_from_which_the_fault_follows(clip, c
     alone = ImitationEnvironment([clip], replace(cramped, num_worlds=1), "cpu")
     WorldSnapshot.load(file).restore(alone)
     alone.step()
-    assert REASON_NAMES[alone.episodes.reason.numpy()[0]] == "overflow"
+    assert alone.config.reason_names[alone.episodes.reason.numpy()[0]] == "overflow"
 
 
 def test_a_world_restored_elsewhere_goes_on_bit_for_bit(clip, small_config, rng):
-    config = replace(small_config, randomization=EVERYTHING, termination=TerminationConfig(50.0, 10.0))
+    config = replace(small_config, randomization=EVERYTHING, terminations=with_limits(50.0, 10.0))
     environment = ImitationEnvironment([clip], config, "cpu")
     drive(environment, 25, 4)
     which = np.array([5])

@@ -8,16 +8,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from kine2go_warp.env import model
-from kine2go_warp.env.config import ActionConfig, MotorConfig, RandomizationConfig, TerminationConfig
+from kine2go_warp.env.config import ActionConfig, MotorConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
 from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.env.terms.randomization import randomized
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.learning.presets import FAST
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS
 from tests.env.helpers import STILL, drive
 
-ENDLESS = TerminationConfig(1e3, 10.0)
+ENDLESS = with_limits(1e3, 10.0)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +30,7 @@ def target_config(small_config):
         num_worlds=2,
         action=ActionConfig("absolute", latency=0.02),
         reset=STILL,
-        termination=ENDLESS,
+        terminations=ENDLESS,
         episode_time=60.0,
     )
 
@@ -249,7 +251,7 @@ def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standin
     """Case 05-motor-speed."""
     # The other joints are held; the driven one has a target so far beyond its stop that all the torque is demanded.
     # 100 kg more hold the base still: a free one turns on against the leg, up to 2 % beyond the motor's speed.
-    still = RandomizationConfig(base_mass=(100.0, 100.0))
+    still = randomized(base_mass=(100.0, 100.0))
     config = replace(limp(target_config), motor=MotorConfig(60.0, 2.0), randomization=still)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     joint_q = environment.robot.joint_q.numpy().copy()

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kine2go_warp.env.config import RandomizationConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.terms.base import find_term
+from kine2go_warp.env.terms.randomization import RandomizationTerm, randomized
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import GO2
@@ -23,7 +24,7 @@ def test_everything_is_drawn_within_its_range_and_recorded(drawn_environment):
     nominal = {"stiffness": motor.stiffness, "damping": motor.damping}
     drawn = drawn | {"joint_friction": drawn["joint_friction"] / motor.joint_friction(GO2)}
     for name, values in drawn.items():
-        low, high = (limit * nominal.get(name, 1.0) for limit in getattr(EVERYTHING, name))
+        low, high = (limit * nominal.get(name, 1.0) for limit in find_term(EVERYTHING, name).range)
         half_substep = 0.5 / 240.0 if name == "latency" else 1e-5
         assert low - half_substep <= values.min(), name
         assert values.max() <= high + half_substep, name
@@ -56,7 +57,7 @@ def test_an_empty_range_leaves_everything_as_it_is(clip, small_config):
 
 
 def test_a_range_of_one_value_gives_the_same_bits_as_none(clip, small_config):
-    fixed = RandomizationConfig(
+    fixed = randomized(
         friction=(0.8, 0.8), stiffness=(1.0, 1.0), damping=(1.0, 1.0), strength=(1.0, 1.0), motor_offset=(0.0, 0.0)
     )
     plain = drive(ImitationEnvironment([clip], small_config, "cpu"), 30, 2)[-1]
@@ -66,7 +67,7 @@ def test_a_range_of_one_value_gives_the_same_bits_as_none(clip, small_config):
 
 
 def test_heavier_robots_press_harder_on_the_ground(standing_clip, small_config):
-    heavier = RandomizationConfig(base_mass=(2.0, 6.0))
+    heavier = randomized(base_mass=(2.0, 6.0))
     config = replace(small_config, reset=STILL, randomization=heavier)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     for _ in range(120):
@@ -76,7 +77,7 @@ def test_heavier_robots_press_harder_on_the_ground(standing_clip, small_config):
 
 
 def test_pushes_come_in_their_interval_with_their_speed_and_move_the_robot(standing_clip, small_config):
-    pushes = RandomizationConfig(push_interval=(0.25, 0.5), push_speed=(0.3, 0.6))
+    pushes = randomized(push_interval=(0.25, 0.5), push_speed=(0.3, 0.6))
     config = replace(small_config, num_worlds=32, reset=STILL, randomization=pushes, episode_time=100.0)
     environment = ImitationEnvironment([standing_clip], config, "cpu")
     seen, gained = [], []
@@ -109,4 +110,28 @@ def test_pushes_come_in_their_interval_with_their_speed_and_move_the_robot(stand
 )
 def test_impossible_ranges_are_refused(ranges):
     with pytest.raises(Kine2GoError, match=next(iter(ranges))):
-        RandomizationConfig(**ranges)
+        randomized(**ranges)
+
+
+def test_terms_of_one_parameter_are_applied_one_after_the_other(clip, small_config):
+    plain = ImitationEnvironment([clip], replace(small_config, randomization=randomized(strength=(0.5, 1.0))), "cpu")
+    halved = RandomizationTerm("halved", (0.5, 0.5), parameter="strength")
+    terms = (*plain.config.randomization, halved)
+    both = ImitationEnvironment([clip], replace(small_config, randomization=terms), "cpu")
+    expected = 0.5 * plain.randomization.parameters()["strength"]
+    np.testing.assert_array_equal(both.randomization.parameters()["strength"], expected)
+
+
+def test_terms_of_other_names_draw_other_numbers(clip, small_config):
+    names = ("one", "other")
+    terms = [RandomizationTerm(name, (0.5, 1.0), parameter="friction") for name in names]
+    drawn = [
+        ImitationEnvironment([clip], replace(small_config, randomization=(term,)), "cpu").randomization.parameters()
+        for term in terms
+    ]
+    assert not np.any(drawn[0]["friction"] == drawn[1]["friction"])
+
+
+def test_an_unknown_parameter_is_named_with_those_that_can_be_drawn():
+    with pytest.raises(Kine2GoError, match="slack draws an unknown parameter 'armature'; known are: base_mass"):
+        RandomizationTerm("slack", (0.0, 1.0), parameter="armature")

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from kine2go_warp.env.config import ActionConfig, TerminationConfig
+from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from tests.env.helpers import STILL
@@ -42,7 +43,7 @@ def driven_together(clip, config, self_contact):
         num_worlds=1,
         action=ActionConfig("absolute", latency=0.0),
         reset=STILL,
-        termination=TerminationConfig(1e3, 10.0),
+        terminations=with_limits(1e3, 10.0),
         solver=replace(config.solver, self_contact=self_contact),
     )
     environment = ImitationEnvironment([clip], config, "cpu")

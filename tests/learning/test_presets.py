@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from kine2go_warp.env.config import CPU_WORLDS, CUDA_WORLDS, ActionConfig, RandomizationConfig
+from kine2go_warp.env.config import CPU_WORLDS, CUDA_WORLDS, ActionConfig
+from kine2go_warp.env.terms.randomization import RANDOMIZATION
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, PAPER, ROBUST, Preset, find_preset
 from kine2go_warp.settings import from_dictionary, to_dictionary
@@ -39,9 +40,10 @@ def test_the_paper_preset_is_the_papers_table():
     assert "action_rate" not in env.reward_names
     assert not PAPER.ppo.symmetry
     assert (env.reset.reference_probability, env.reset.joint_position) == (0.9, 0.3)
-    assert (env.termination.max_distance, env.termination.max_angle) == (1.0, 1.5708)
+    limits = {name: value for term in env.terminations for name, value in term.params}
+    assert limits == {"max_distance": 1.0, "max_angle": 1.5708}
     assert not env.phase_sampling.is_weighted
-    assert env.randomization == RandomizationConfig()
+    assert env.randomization == RANDOMIZATION
 
 
 @pytest.mark.parametrize("preset", [PAPER, FAST, ROBUST])

@@ -25,8 +25,8 @@ ITERATIONS = 4
 SHORT = {"env.num_worlds": 16, "ppo.iterations": ITERATIONS}
 EVERYTHING_CHANGES = {
     "env.randomization.push_interval": (0.2, 0.6),
-    "env.termination.initial_limit_scale": 2.0,
-    "env.termination.limit_anneal_time": 1.2,
+    "env.initial_limit_scale": 2.0,
+    "env.limit_anneal_time": 1.2,
     "ppo.final_std": 0.2,
     "ppo.final_entropy_coef": 0.0,
     "ppo.annealing_iterations": 3,

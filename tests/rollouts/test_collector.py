@@ -11,6 +11,7 @@ import zarr
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
+from kine2go_warp.env.terms.base import find_term
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
@@ -105,8 +106,8 @@ def test_noise_friction_mass_and_start_differ_and_are_stored(everything):
         assert len(set(values.tolist())) == 24
     for values, (least, greatest) in (
         (draws["noise"], EVERYTHING.action_noise_scale),
-        (randomization["friction"], EVERYTHING.randomization.friction),
-        (randomization["base_mass"], EVERYTHING.randomization.base_mass),
+        (randomization["friction"], find_term(EVERYTHING.randomization, "friction").range),
+        (randomization["base_mass"], find_term(EVERYTHING.randomization, "base_mass").range),
     ):
         assert least <= values.min() < values.max() <= greatest
 

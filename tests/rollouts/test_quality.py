@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
-from kine2go_warp.kernels.terminations import REASON_NAMES
+from kine2go_warp.env.terms.terminations import TERMINATIONS
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
@@ -108,7 +108,7 @@ FAULTS = {
 
 def filtered(rows, failures=None, config=CONFIG):
     count = len(rows["leg_contact"])
-    return filter_rollouts(rows, np.zeros(count, int) if failures is None else np.array(failures), config, FRAME, GO2)
+    return filter_rollouts(rows, np.full(count, "") if failures is None else np.array(failures), config, FRAME, GO2)
 
 
 def test_a_perfect_rollout_uses_nothing_of_its_limits():
@@ -179,7 +179,7 @@ def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
     rows = perfect(2)
     for values in rows.values():
         values[1] = np.nan
-    result = filtered(rows, [0, REASON_NAMES.index("body_contact")])
+    result = filtered(rows, ["", "body_contact"])
     assert result.reasons == ("", "body_contact")
     assert np.isnan(result.quality["limit_share"][1])
     assert result.quality["limit_share"][0] == pytest.approx(0.0, abs=1e-6)
@@ -192,10 +192,10 @@ def test_figures_that_are_not_numbers_are_never_accepted():
     assert filtered(rows).reasons == ("torque_saturation",)
 
 
-@pytest.mark.parametrize("failure", [number for number, name in enumerate(REASON_NAMES) if name != "none"])
+@pytest.mark.parametrize("failure", [term.name for term in TERMINATIONS])
 def test_a_failure_of_the_simulation_comes_before_every_limit(failure):
     rows = perfect()
     for spoil, _ in FAULTS.values():
         spoil(rows)
-    assert filtered(rows, [failure]).reasons == (REASON_NAMES[failure],)
-    assert filtered(perfect(), [failure]).reasons == (REASON_NAMES[failure],)
+    assert filtered(rows, [failure]).reasons == (failure,)
+    assert filtered(perfect(), [failure]).reasons == (failure,)

@@ -8,7 +8,7 @@ import zarr
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.env.config import RandomizationConfig
+from kine2go_warp.env.terms.randomization import RANDOMIZATION, randomized
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
@@ -16,7 +16,7 @@ from kine2go_warp.rollouts.replay import replay_motion
 from tests.conftest import ANYTHING_GOES
 from tests.env.helpers import EVERYTHING
 
-WILD = replace(EVERYTHING, push_speed=(0.1, 0.3))
+WILD = randomized(EVERYTHING, push_speed=(0.1, 0.3))
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +92,6 @@ def test_the_initial_state_is_that_of_the_first_kept_row(dataset):
 
 def test_without_randomisation_it_comes_out_too(policy, tmp_path):
     config = GatherConfig(trajectories=2, rows=30, **ANYTHING_GOES)
-    config = replace(config, randomization=RandomizationConfig())
+    config = replace(config, randomization=RANDOMIZATION)
     gather(policy, DatasetWriter(tmp_path / "d.zarr", GO2), config, "cpu")
     assert all(result.is_identical for result in replay_motion(tmp_path / "d.zarr", "dog_trot", None, "newton", "cpu"))

@@ -69,9 +69,10 @@ class Term(Named):
 
 
 AnyTerm = TypeVar("AnyTerm", bound=Term)
+AnyNamed = TypeVar("AnyNamed", bound=Named)
 
 
-def check_names(terms: Iterable[Term], kind: str) -> None:
+def check_names(terms: Iterable[Named], kind: str) -> None:
     """Check that no two terms have one name.
 
     Raises:
@@ -83,7 +84,7 @@ def check_names(terms: Iterable[Term], kind: str) -> None:
             raise Kine2GoError(f"two {kind} terms are named {name}")
 
 
-def find_term(terms: Sequence[AnyTerm], name: str) -> AnyTerm:
+def find_term(terms: Sequence[AnyNamed], name: str) -> AnyNamed:
     """Return a term by name.
 
     Raises:

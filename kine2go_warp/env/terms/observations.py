@@ -37,82 +37,54 @@ class ObservationTerm(Term):
 
 
 def _term(
-    name: str, kernel: str, dims: tuple[str, ...], unit: str, description: str, mirror: Mirror
+    name: str, dims: tuple[str, ...], unit: str, description: str, mirror: Mirror, kernel: str = ""
 ) -> ObservationTerm:
-    """Return a term of the package's own kernels."""
-    return ObservationTerm(name, f"{_KERNELS}:{kernel}", dims=dims, unit=unit, description=description, mirror=mirror)
+    """Return a term of the package's own kernels, by default the one of its name."""
+    reference = f"{_KERNELS}:{kernel or name}"
+    return ObservationTerm(name, reference, dims=dims, unit=unit, description=description, mirror=mirror)
 
 
 _AXIS, _JOINT, _FOOT = ("axis",), ("joint",), ("foot", "axis")
 
 OBSERVATIONS = (
-    _term("down_b", "down_b", _AXIS, "-", "direction of gravity, base frame", "vector"),
-    _term("linear_velocity_b", "linear_velocity_b", _AXIS, "m/s", "velocity of the base origin, base frame", "vector"),
-    _term("angular_velocity_b", "angular_velocity_b", _AXIS, "rad/s", "angular velocity, base frame", "rotation"),
-    _term("joint_position", "joint_positions", _JOINT, "rad", "joint positions less the default pose", "angle"),
-    _term("joint_velocity", "joint_velocities", _JOINT, "rad/s", "joint velocities", "angle"),
-    _term("last_action", "last_action", _JOINT, "-", "last action of the policy", "angle"),
+    _term("down_b", _AXIS, "-", "direction of gravity, base frame", "vector"),
+    _term("linear_velocity_b", _AXIS, "m/s", "velocity of the base origin, base frame", "vector"),
+    _term("angular_velocity_b", _AXIS, "rad/s", "angular velocity, base frame", "rotation"),
+    _term("joint_position", _JOINT, "rad", "joint positions less the default pose", "angle", "joint_positions"),
+    _term("joint_velocity", _JOINT, "rad/s", "joint velocities", "angle", "joint_velocities"),
+    _term("last_action", _JOINT, "-", "last action of the policy", "angle"),
 )
 """What the robot knows of itself, at the present and at past control steps."""
 
 REFERENCE_OBSERVATIONS = (
-    _term(
-        "reference_position_h",
-        "reference_position_h",
-        _AXIS,
-        "m",
-        "reference root less own root, own heading frame",
-        "vector",
-    ),
-    _term(
-        "reference_forward_h",
-        "reference_forward_h",
-        _AXIS,
-        "-",
-        "forward axis of the reference root, own heading frame",
-        "vector",
-    ),
+    _term("reference_position_h", _AXIS, "m", "reference root less own root, own heading frame", "vector"),
+    _term("reference_forward_h", _AXIS, "-", "forward axis of the reference root, own heading frame", "vector"),
     # The left axis is that of the mirrored root's own frame, not the mirror image of an arrow.
-    _term(
-        "reference_left_h",
-        "reference_left_h",
-        _AXIS,
-        "-",
-        "left axis of the reference root, own heading frame",
-        "rotation",
-    ),
+    _term("reference_left_h", _AXIS, "-", "left axis of the reference root, own heading frame", "rotation"),
     _term(
         "reference_joint_position",
-        "reference_joint_positions",
         _JOINT,
         "rad",
         "reference joint positions less the default pose",
         "angle",
+        "reference_joint_positions",
     ),
 )
 """What it knows of the reference, at each of some coming control steps; their kernels read ``view.ahead``."""
 
 PRIVILEGED_OBSERVATIONS = (
-    _term("root_height", "root_height", (), "m", "height of the root above the ground", "scalar"),
-    _term(
-        "linear_velocity_h", "linear_velocity_h", _AXIS, "m/s", "velocity of the base origin, heading frame", "vector"
-    ),
-    _term("angular_velocity_h", "angular_velocity_h", _AXIS, "rad/s", "angular velocity, heading frame", "rotation"),
-    _term(
-        "foot_force_h",
-        "foot_force_h",
-        _FOOT,
-        "robot weights",
-        "forces on the feet FL, FR, RL, RR, heading frame",
-        "vector",
-    ),
-    _term("base_mass", "base_mass", (), "kg", "mass added to the base", "scalar"),
-    _term("base_com", "base_com", _AXIS, "m", "shift of the base's centre of mass, base frame", "vector"),
-    _term("friction", "friction", (), "-", "coefficient of friction", "scalar"),
-    _term("stiffness", "stiffness", _JOINT, "-", "factor on the stiffness less 1", "scalar"),
-    _term("damping", "damping", _JOINT, "-", "factor on the damping less 1", "scalar"),
-    _term("strength", "strength", _JOINT, "-", "factor on the torque less 1", "scalar"),
-    _term("motor_offset", "motor_offset", _JOINT, "rad", "error of the motors' zero angle", "angle"),
-    _term("latency", "latency", (), "substeps", "time from an action to its effect", "scalar"),
+    _term("root_height", (), "m", "height of the root above the ground", "scalar"),
+    _term("linear_velocity_h", _AXIS, "m/s", "velocity of the base origin, heading frame", "vector"),
+    _term("angular_velocity_h", _AXIS, "rad/s", "angular velocity, heading frame", "rotation"),
+    _term("foot_force_h", _FOOT, "robot weights", "forces on the feet FL, FR, RL, RR, heading frame", "vector"),
+    _term("base_mass", (), "kg", "mass added to the base", "scalar"),
+    _term("base_com", _AXIS, "m", "shift of the base's centre of mass, base frame", "vector"),
+    _term("friction", (), "-", "coefficient of friction", "scalar"),
+    _term("stiffness", _JOINT, "-", "factor on the stiffness less 1", "scalar"),
+    _term("damping", _JOINT, "-", "factor on the damping less 1", "scalar"),
+    _term("strength", _JOINT, "-", "factor on the torque less 1", "scalar"),
+    _term("motor_offset", _JOINT, "rad", "error of the motors' zero angle", "angle"),
+    _term("joint_friction", _JOINT, "N m", "Coulomb friction of the joints", "scalar"),
+    _term("latency", (), "substeps", "time from an action to its effect", "scalar"),
 )
 """What only the critic sees, if anything."""

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,6 +16,9 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout
+from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.terminations import with_limits
+from kine2go_warp.errors import DatasetError
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
@@ -79,3 +83,41 @@ def test_the_dataset_is_labelled_with_the_terms(own_policy, tmp_path):
     gather(own_policy, writer, config, "cpu")
     (motion,) = writer.motions()
     assert open_dataset(tmp_path / "dataset.zarr").motion(motion).labels("term") == TERMS
+
+
+def test_a_base_below_the_files_height_ends_the_episode(own_policy, rng):
+    record = own_policy.read_record()
+    terms = with_limits(9.0, 9.0, record.preset.env.terminations)
+    config = replace(record.preset.env, num_worlds=8, terminations=terms)
+    assert config.reason_names[-1] == "base_low"
+    environment = ImitationEnvironment(own_policy.read_clips(record), config, "cpu")
+    seen = set()
+    for _ in range(60):
+        environment.action.assign(np.float32(rng.normal(0.0, 6.0, (8, 12))))
+        joint_q = environment.robot.joint_q.numpy()
+        joint_q[3, 2] = 0.1
+        environment.robot.joint_q.assign(joint_q)
+        environment.step()
+        seen |= {config.reason_names[reason] for reason in environment.episodes.reason.numpy()}
+    assert "base_low" in seen
+
+
+def test_all_motors_of_a_robot_are_as_weak_as_its_battery(own_policy):
+    record = own_policy.read_record()
+    config = replace(record.preset.env, num_worlds=64)
+    strength = ImitationEnvironment(own_policy.read_clips(record), config, "cpu").randomization.parameters()["strength"]
+    np.testing.assert_array_equal(strength, np.tile(strength[:, :1], (1, 12)))
+    assert len(np.unique(strength)) == 64
+    assert 0.8 <= strength.min() < 0.82
+    assert 0.98 < strength.max() <= 1.0
+
+
+def test_rollouts_are_rejected_for_the_files_reason(own_policy, tmp_path):
+    preset = own_policy.read_record().preset
+    terms = with_term(preset.env.terminations, "base_low", min_height=9.0)
+    record = replace(own_policy.read_record(), preset=replace(preset, env=replace(preset.env, terminations=terms)))
+    copy = PolicyFolder(Path(shutil.copytree(own_policy.path, tmp_path / "policy")))
+    copy.write_record(record)
+    config = GatherConfig(trajectories=2, rows=20, warm_up=0.1, max_attempts=1.0, **ANYTHING_GOES)
+    with pytest.raises(DatasetError, match="base_low"):
+        gather(copy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
