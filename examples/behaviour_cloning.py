@@ -53,7 +53,7 @@ class Settings:
     """Train a clone on a dataset, and compare it with the policy that the dataset was gathered from."""
 
     dataset: tyro.conf.Positional[Path]
-    """A dataset made by 'kine2go gather', 'run' or 'demo'."""
+    """A dataset made by 'kine2go dataset gather', 'run' or 'demo'."""
     policy: tyro.conf.Positional[Path]
     """Folder of the policy that it was gathered from; its clip is the reference."""
     trajectories: int | None = None

@@ -18,7 +18,7 @@ class Ablate:
     """
 
     clips: ClipPaths
-    """Clips (.npz) made by 'kine2go retarget'."""
+    """Clips (.npz) made by 'kine2go motion retarget'."""
     variants: tuple[str, ...] = ()
     """Names of variants; by default all of the file."""
     file: Path = BUNDLED
@@ -44,7 +44,7 @@ class Ablate:
 
         variants = load_variants(self.file, self.variants)
         if not self.clips:
-            raise Kine2GoError("name at least one clip; 'kine2go retarget' makes them")
+            raise Kine2GoError("name at least one clip; 'kine2go motion retarget' makes them")
         clips = [MotionClip.load(path) for path in self.clips]
         if not self.table:
             limit_threads()

@@ -21,7 +21,7 @@ class Gather:
     """Roll a policy out many times and add the good rollouts to a dataset."""
 
     policy: PolicyPath
-    """Policy folder made by 'kine2go train'."""
+    """Policy folder made by 'kine2go policy train'."""
     motions: tuple[str, ...] = ()
     """Which of the clips that the policy tracks; by default all, each as a motion of its own."""
     out: Path = Path("runs/dataset.zarr")

@@ -34,7 +34,7 @@ class Eval:
     """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes."""
 
     policy: PolicyPath
-    """Policy folder made by 'kine2go train'."""
+    """Policy folder made by 'kine2go policy train'."""
     json: Path | None = None
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
     overwrite: bool = False

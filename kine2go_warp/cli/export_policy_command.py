@@ -13,7 +13,7 @@ class ExportPolicy:
     """Write a policy as ONNX and TorchScript, with all that a robot needs to know, checked against the policy."""
 
     policy: PolicyPath
-    """Policy folder made by 'kine2go train'."""
+    """Policy folder made by 'kine2go policy train'."""
     out: Path | None = None
     """Folder to create; by default export in the policy folder."""
     overwrite: bool = False

@@ -29,7 +29,7 @@ def chosen_entries(names: tuple[str, ...], every: bool, own: Path | None) -> "li
     if every:
         return list(load_catalogue(own).values())
     if not names:
-        raise CatalogueError("name at least one motion, or --all; 'kine2go sources list' shows them")
+        raise CatalogueError("name at least one motion, or --all; 'kine2go motion sources list' shows them")
     return [motion_named(name, own) for name in names]
 
 

@@ -13,7 +13,7 @@ class Quality:
     """Show the quality figures of a dataset's rollouts against the limits that they were filtered by."""
 
     dataset: DatasetPath
-    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
     motions: tyro.conf.Positional[tuple[str, ...]] = ()
     """Names of motions; by default all."""
     picture: Path | None = None

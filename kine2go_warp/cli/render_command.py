@@ -16,7 +16,7 @@ class Render:
     """Make a video of one trajectory, or of several side by side: what was recorded, without simulating it again."""
 
     dataset: DatasetPath
-    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
     motion: Positional[str]
     """One of its motions."""
     trajectories: Positional[tuple[int, ...]] = ()

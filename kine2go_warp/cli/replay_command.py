@@ -18,7 +18,7 @@ class Replay:
     """Repeat the recorded commands of trajectories from their initial states and compare with the record."""
 
     dataset: DatasetPath
-    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
     motion: tyro.conf.Positional[str | None] = None
     """Name of a motion; by default all of them."""
     trajectory: tyro.conf.Positional[int | None] = None

@@ -11,7 +11,7 @@ class Report:
     """Show a dataset on one HTML page that needs no network: scores, plots, pictures, settings, licences."""
 
     dataset: DatasetPath
-    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
     motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     out: Path | None = None

@@ -22,11 +22,11 @@ class Review:
     """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories."""
 
     target: Positional[Path]
-    """A dataset (.zarr), or a clip (.npz) made by 'kine2go retarget'."""
+    """A dataset (.zarr), or a clip (.npz) made by 'kine2go motion retarget'."""
     motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
     step: bool = False
-    """Go through trajectories in the terminal, the most doubtful first, and accept or reject each by a key."""
+    """Go through trajectories in the terminal, those closest to a limit first, and accept or reject each by a key."""
     again: bool = False
     """With --step: also those that have a verdict already."""
     accept: tuple[str, ...] = ()
@@ -38,7 +38,7 @@ class Review:
     who: str | None = None
     """Your name; by default the one that you are logged in with."""
     trajectories: int | None = None
-    """Show so many trajectories of each motion, the most doubtful ones; by default all."""
+    """Show so many trajectories of each motion, those closest to a limit; by default all."""
     meshes: Path | None = None
     """Folder with trunk, hip, thigh and calf as .glb, .obj, .stl or .dae, drawn instead of primitive shapes."""
     out: Path | None = None
@@ -160,7 +160,7 @@ class Review:
 
     def _judge(self) -> int:
         """Keep the verdicts that are given as options."""
-        from kine2go_warp.dataset.verdicts import ACCEPTED, REJECTED, add_verdicts, new_verdict
+        from kine2go_warp.dataset.reviews import ACCEPTED, REJECTED, add_reviews, new_review
         from kine2go_warp.tables import counted
 
         both = set(self.accept) & set(self.reject)
@@ -169,12 +169,12 @@ class Review:
         if self.motions:
             raise DatasetError("--accept and --reject name motions themselves; leave out the others")
         verdicts = [
-            new_verdict(one, verdict, self.why.strip(), self.who)
+            new_review(one, verdict, self.why.strip(), self.who)
             for verdict, names in ((ACCEPTED, self.accept), (REJECTED, self.reject))
             for name in names
             for one in self._named(name)
         ]
-        add_verdicts(self.target, verdicts)
+        add_reviews(self.target, verdicts)
         for verdict in (ACCEPTED, REJECTED):
             count = sum(one.verdict == verdict for one in verdicts)
             if count:

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kine2go_warp.dataset.doubt import STORED, Doubt, doubts
+from kine2go_warp.dataset.limit_usage import STORED, LimitUsage, limit_usages
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import (
+from kine2go_warp.dataset.reviews import (
     ACCEPTED,
     REJECTED,
-    Verdict,
-    add_verdicts,
-    new_verdict,
-    remove_verdict,
-    standing_verdicts,
+    Review,
+    add_reviews,
+    new_review,
+    remove_review,
+    standing_reviews,
 )
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.tables import counted
@@ -29,14 +29,14 @@ class Steps:
 
     dataset: Path
     motions: dict[str, Motion]
-    queue: list[Doubt]
+    queue: list[LimitUsage]
     who: str | None
     place: int = 0
-    said: list[Verdict | None] = field(default_factory=list)
+    said: list[Review | None] = field(default_factory=list)
     """Of each trajectory before the present one; None where it was skipped."""
 
     @property
-    def present(self) -> Doubt | None:
+    def present(self) -> LimitUsage | None:
         """The trajectory to look at, None at the end."""
         return self.queue[self.place] if self.place < len(self.queue) else None
 
@@ -44,8 +44,8 @@ class Steps:
         """Keep a verdict on the present trajectory and go on."""
         reference = self.queue[self.place].reference
         (one,) = self.motions[reference.motion].read([reference], None)
-        given = new_verdict(one, verdict, why, self.who)
-        add_verdicts(self.dataset, [given])
+        given = new_review(one, verdict, why, self.who)
+        add_reviews(self.dataset, [given])
         self._go_on(given)
 
     def skip(self) -> None:
@@ -58,7 +58,7 @@ class Steps:
             return False
         given = self.said.pop()
         if given is not None:
-            remove_verdict(self.dataset, given)
+            remove_review(self.dataset, given)
         self.place -= 1
         return True
 
@@ -66,7 +66,7 @@ class Steps:
         """Return how many trajectories were accepted or rejected on the way."""
         return sum(given is not None and given.verdict == verdict for given in self.said)
 
-    def _go_on(self, given: Verdict | None) -> None:
+    def _go_on(self, given: Review | None) -> None:
         self.said.append(given)
         self.place += 1
 
@@ -80,11 +80,11 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
         who: Name of the person; by default the one that is logged in.
         again: Also show trajectories that have a verdict.
     """
-    queue = in_order_of_doubt(motions, again)
+    queue = by_limit_usage(motions, again)
     steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who)
-    print(f"{counted(len(queue), 'trajectory')} to look at, the most doubtful first; {HELP}", flush=True)
-    while (doubt := steps.present) is not None:
-        print(f"\n[{steps.place + 1}/{len(queue)}] {described(doubt, steps.motions[doubt.reference.motion])}")
+    print(f"{counted(len(queue), 'trajectory')} to look at, those closest to a limit first; {HELP}", flush=True)
+    while (usage := steps.present) is not None:
+        print(f"\n[{steps.place + 1}/{len(queue)}] {described(usage, steps.motions[usage.reference.motion])}")
         if not answer(steps):
             break
     left = len(queue) - steps.place
@@ -96,33 +96,33 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
     return 0
 
 
-def in_order_of_doubt(motions: Sequence[Motion], again: bool) -> list[Doubt]:
-    """Return the trajectories to look at, the most doubtful first."""
+def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
+    """Return the trajectories to look at, those closest to a limit first."""
     from rich.console import Console
     from rich.progress import track
 
     console = Console(stderr=True)
-    found: list[Doubt] = []
+    found: list[LimitUsage] = []
     for motion in track(motions, "reading", console=console, transient=True, disable=not console.is_terminal):
-        done = set() if again else set(standing_verdicts(motion))
+        done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
-        found += doubts(motion, wanted)
-    return sorted(found, key=lambda one: -one.value)
+        found += limit_usages(motion, wanted)
+    return sorted(found, key=lambda one: -one.worst_limit_ratio)
 
 
-def described(doubt: Doubt, motion: Motion) -> str:
+def described(usage: LimitUsage, motion: Motion) -> str:
     """Return the figures of a trajectory in a few lines."""
     from kine2go_warp.recordings.summary import grouped, label, shown
 
-    one = doubt.reference
-    share = "unknown" if math.isinf(doubt.value) else f"{doubt.value:.0%}"
-    lines = [f"{one.motion}/{one.index}  doubt {share}  {motion.time[one.length - 1]:.1f} s"]
-    for limit, figure, bound in zip(FILTER_METRICS, doubt.figures, doubt.limits, strict=True):
+    one = usage.reference
+    share = "unknown" if math.isinf(usage.worst_limit_ratio) else f"{usage.worst_limit_ratio:.0%}"
+    lines = [f"{one.motion}/{one.index}  limit usage {share}  {motion.time[one.length - 1]:.1f} s"]
+    for limit, figure, bound in zip(FILTER_METRICS, usage.metrics, usage.limits, strict=True):
         if math.isnan(figure):
             continue
         of = "" if math.isnan(bound) else f" of {bound:g}"
         unit = "" if limit.unit == "1" else f" {limit.unit}"
-        mark = "  <" if limit.label == doubt.worst else ""
+        mark = "  <" if limit.label == usage.worst else ""
         lines.append(f"  {limit.label:<14} {figure:.4g}{of}{unit}{mark}")
     said = {STORED, *(f"quality/{limit.name}" for limit in FILTER_METRICS)}
     for title, names in grouped(motion).items():

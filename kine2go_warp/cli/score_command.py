@@ -26,7 +26,7 @@ class Score:
     """Score the rollouts of a dataset: tracking, Earth Mover's Distance, slip, effort, smoothness, with intervals."""
 
     dataset: DatasetPath
-    """A dataset made by 'kine2go gather' or 'kine2go run'."""
+    """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
     motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     json: Path | None = None

@@ -20,7 +20,7 @@ class Sim2Sim:
     """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton."""
 
     policy: PolicyPath
-    """Policy folder made by 'kine2go train'."""
+    """Policy folder made by 'kine2go policy train'."""
     exported: Path | None = None
     """Its export; by default export in the policy folder, which is made if it is missing."""
     worlds: int = 32

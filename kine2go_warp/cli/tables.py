@@ -132,7 +132,7 @@ def print_rejections(result: "GatherResult") -> None:
         print_table(make_table(f"{result.motion}: rejected rollouts", ("reason", "rollouts"), rows, ("reason",)))
     if result.borderline:
         numbers = ", ".join(str(number) for number in result.borderline)
-        say(f"{result.motion}: worth a look, the most doubtful first: {numbers}")
+        say(f"{result.motion}: worth a look, those closest to a limit first: {numbers}")
     if result.is_new:
         say(
             f"{result.motion}: {result.rows_per_second:,.0f} rows/s and {result.megabytes_per_second:.1f} MB/s while "
@@ -151,8 +151,8 @@ def print_distributions(motion: str, figures: "Sequence[Distribution]", attribut
     print_table(make_table(f"{motion}: {len(figures[0].accepted)} accepted rollouts", headings, rows, texts))
     rejected = ", ".join(f"{count} {reason}" for reason, count in attributes.get("rejected", {}).items())
     say(f"rejected: {rejected or 'none'}")
-    doubtful = ", ".join(str(number) for number in attributes.get("borderline", ()))
-    say(f"worth a look, the most doubtful first: {doubtful or 'none'}")
+    borderline = ", ".join(str(number) for number in attributes.get("borderline", ()))
+    say(f"worth a look, those closest to a limit first: {borderline or 'none'}")
 
 
 def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engine: str) -> None:

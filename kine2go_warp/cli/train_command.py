@@ -26,7 +26,7 @@ class Train:
     """
 
     clips: ClipPaths = ()
-    """Clips (.npz) made by 'kine2go retarget'. One policy tracks them all, told which by the reference alone."""
+    """Clips (.npz) made by 'kine2go motion retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
     device: str | None = None
@@ -88,7 +88,7 @@ class Train:
             print(to_toml({"train": to_dictionary(settings)}), end="")
             return 0
         if not self.clips:
-            raise PolicyError("name at least one clip; 'kine2go retarget' makes them")
+            raise PolicyError("name at least one clip; 'kine2go motion retarget' makes them")
         clips = [MotionClip.load(path) for path in self.clips]
         limit_threads()
         name = "+".join(clip.name for clip in clips)

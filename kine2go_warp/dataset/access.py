@@ -156,7 +156,7 @@ class Dataset:
             DatasetError: the dataset is empty, or lacks one of them.
         """
         if not self.motions:
-            raise DatasetError(f"{self.path}: holds no motions; add some with 'kine2go gather'")
+            raise DatasetError(f"{self.path}: holds no motions; add some with 'kine2go dataset gather'")
         return [self.motion(name).name for name in dict.fromkeys(motions)] or self.motions
 
     def select(

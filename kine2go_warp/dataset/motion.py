@@ -65,7 +65,7 @@ class MotionData:
             DatasetError: the motion has fewer than two rows.
         """
         if len(self.time) < 2:
-            raise DatasetError(f"{self.name}: holds fewer than two rows; see 'kine2go check'")
+            raise DatasetError(f"{self.name}: holds fewer than two rows; see 'kine2go dataset check'")
         return float(self.time[1] - self.time[0])
 
 
@@ -263,7 +263,7 @@ class Motion:
 
     def _missing(self, name: str) -> DatasetError:
         return DatasetError(
-            f"{self.path}/{self.name}/{name}: data are missing; see 'kine2go check', and gather the motion again"
+            f"{self.path}/{self.name}/{name}: data are missing; see 'kine2go dataset check' and gather it again"
         )
 
     def _read(self, name: str, what: Any) -> NDArray:

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterable
 
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
-from kine2go_warp.dataset.verdicts import REJECTED, standing_verdicts
+from kine2go_warp.dataset.reviews import REJECTED, standing_reviews
 
 
 def rejected_trajectories(motion: Motion) -> frozenset[int]:
@@ -13,7 +13,7 @@ def rejected_trajectories(motion: Motion) -> frozenset[int]:
     Raises:
         DatasetError: the file of verdicts cannot be read.
     """
-    standing = standing_verdicts(motion)
+    standing = standing_reviews(motion)
     return frozenset(index for index, verdict in standing.items() if verdict.verdict == REJECTED)
 
 

@@ -1,6 +1,5 @@
 """What lies beside a store while it is written, and what a killed process has left there."""
 
-import fcntl
 import json
 import os
 import platform
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kine2go_warp.files import flush_folder
+from kine2go_warp.files import flush_folder, locked
 
 
 @dataclass(frozen=True)
@@ -39,12 +38,8 @@ class StagingArea:
         """Wait until no other process changes the store, and keep others waiting meanwhile."""
         self.store.parent.mkdir(parents=True, exist_ok=True)
         # The folder around the store itself is locked, so that no file is left behind.
-        descriptor = os.open(self.store.parent, os.O_RDONLY)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        with locked(self.store.parent, wait=True):
             yield
-        finally:
-            os.close(descriptor)
 
     def folder(self, kind: str, motion: str = "") -> Path:
         """Return where this process may put something of a kind (``Leftover``)."""

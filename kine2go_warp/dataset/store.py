@@ -20,7 +20,7 @@ def motion_names(path: Path) -> list[str]:
     if (path.resolve().parent / "zarr.json").is_file():
         raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.resolve().parent}")
     if not (path / "zarr.json").is_file():
-        raise DatasetError(f"{path}: {_absence(path)}; make a dataset with 'kine2go gather' or 'kine2go run'")
+        raise DatasetError(f"{path}: {_absence(path)}; make a dataset with 'kine2go dataset gather' or 'kine2go run'")
     check_version(path)
     return motion_folders(path)
 

@@ -49,7 +49,7 @@ class ExportedPolicy:
         """
         path = folder / ONNX_FILE
         if not path.is_file():
-            raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go export-policy'")
+            raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go policy export'")
         session = open_session(path)
         text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY, "")
         metadata = PolicyMetadata.from_json(text, str(path))

@@ -195,4 +195,4 @@ def read_metadata(folder: Path) -> PolicyMetadata:
     try:
         return PolicyMetadata.from_json(file.read_text(), str(file))
     except (FileNotFoundError, NotADirectoryError):
-        raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go export-policy'") from None
+        raise PolicyError(f"{folder}: no exported policy here; make one with 'kine2go policy export'") from None

@@ -1,4 +1,4 @@
-"""Metrics of rollouts, wherever they were simulated: those of ``kine2go score``, and errors by phase."""
+"""Metrics of rollouts, wherever they were simulated: those of ``kine2go dataset score``, and errors by phase."""
 
 import warnings
 from collections import Counter
@@ -25,7 +25,7 @@ METRIC_NAMES = (
     "cost_of_transport",
     "joint_limit",
 )
-"""Metrics of every rollout, as in ``kine2go score``."""
+"""Metrics of every rollout, as in ``kine2go dataset score``."""
 NEWTON_METRIC_NAMES = (*METRIC_NAMES, "foot_slip", "joint_jerk")
 """Those, and the ones that need what only Newton records."""
 

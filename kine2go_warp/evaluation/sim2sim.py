@@ -53,7 +53,7 @@ def sim2sim(
     record = policy.read_record()
     if exported.metadata.checkpoint_sha256 != policy.checkpoint_hash():
         raise PolicyError(
-            f"{policy.path}: the export is of another checkpoint; run 'kine2go export-policy {policy.path} --overwrite'"
+            f"{policy.path}: the export is of another checkpoint; run 'kine2go policy export {policy.path} --overwrite'"
         )
     trained, clips = record.preset.env, exported.clips
     mujoco = MujocoRollouts(exported, trained, config)

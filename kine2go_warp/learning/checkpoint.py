@@ -39,7 +39,7 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     if damaged is not None:
         raise PolicyError(f"{path}: not a checkpoint that can be read ({damaged} is damaged)")
     if not isinstance(checkpoint, dict) or "actor_state_dict" not in checkpoint:
-        raise PolicyError(f"{path}: not a checkpoint of 'kine2go train'")
+        raise PolicyError(f"{path}: not a checkpoint of 'kine2go policy train'")
     return checkpoint
 
 

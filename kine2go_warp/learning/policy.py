@@ -130,7 +130,7 @@ class PolicyFolder:
                 restart_reason=values.get("restart_reason", ""),
             )
         except FileNotFoundError:
-            raise PolicyError(f"{self.path}: no policy here; make one with 'kine2go train'") from None
+            raise PolicyError(f"{self.path}: no policy here; make one with 'kine2go policy train'") from None
         except (ValueError, KeyError, TypeError, OSError) as error:
             raise PolicyError(f"{self.record_file}: cannot be read ({error})") from None
 

@@ -11,7 +11,7 @@ import rerun as rr
 
 from kine2go_warp import __version__
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import read_verdicts
+from kine2go_warp.dataset.reviews import read_reviews
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.files import atomic_file, sha256_of
 from kine2go_warp.recordings.motion import Style, record_motion
@@ -86,7 +86,7 @@ class RecordingCache:
             if path.is_file():
                 digest.update(f"{path.relative_to(folder)} {path.stat().st_size} ".encode())
                 digest.update(path.read_bytes())
-        verdicts = [asdict(one) for one in read_verdicts(motion.path) if one.motion == motion.name]
+        verdicts = [asdict(one) for one in read_reviews(motion.path) if one.motion == motion.name]
         digest.update(json.dumps(verdicts).encode())
         digest.update((self.style.meshes.content() if self.style.meshes else "").encode())
         return digest.hexdigest()[:32]

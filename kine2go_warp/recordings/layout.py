@@ -1,4 +1,4 @@
-"""How the viewer is laid out: a tab a trajectory, the most doubtful one first, and one with all of them."""
+"""How the viewer is laid out: a tab for each trajectory, the one closest to a limit first, and one with all of them."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ import numpy as np
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import Doubt
+from kine2go_warp.dataset.limit_usage import LimitUsage
 from kine2go_warp.dataset.motion import Trajectory
 from kine2go_warp.recordings.stream import TIMELINE
 from kine2go_warp.recordings.trajectory import entity_of
@@ -29,13 +29,13 @@ CELL = 0.5
 Vector = tuple[float, float, float]
 
 
-def motion_layout(motion: str, shown: Sequence[tuple[Trajectory, Doubt]], spec: RobotSpec) -> rrb.Blueprint:
+def motion_layout(motion: str, shown: Sequence[tuple[Trajectory, LimitUsage]], spec: RobotSpec) -> rrb.Blueprint:
     """Return the layout of a motion's recording, with tabs in the order of ``shown``."""
-    tabs = [trajectory_tab(one, doubt, spec) for one, doubt in shown]
+    tabs = [trajectory_tab(one, usage, spec) for one, usage in shown]
     robots = [f"+ /{entity_of(one.index)}/{part}/**" for one, _ in shown for part in ("robot", "paths")]
     everything = rrb.Horizontal(
         scene(f"{motion}: all trajectories", "/", robots, FAR_EYE, (0.0, 0.0, 0.0), None),
-        rrb.TextDocumentView(name="by doubt", origin="/list"),
+        rrb.TextDocumentView(name="by limit usage", origin="/list"),
         column_shares=[3, 2],
         name=f"all {len(shown)}",
     )
@@ -54,16 +54,19 @@ def whole(content: rrb.Container | rrb.View) -> rrb.Blueprint:
     )
 
 
-def trajectory_tab(one: Trajectory, doubt: Doubt, spec: RobotSpec) -> rrb.Horizontal:
+def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.Horizontal:
     """Return the views of one trajectory."""
     entity = entity_of(one.index)
-    share = "" if math.isinf(doubt.value) else f" ({doubt.value:.0%})"
+    share = "" if math.isinf(usage.worst_limit_ratio) else f" ({usage.worst_limit_ratio:.0%})"
     start = one.arrays["root_position"][0]
     plots = rrb.Vertical(
         curves("errors / limits", f"{entity}/plots", ["errors", "limit", "push"]),
         rrb.Tabs(*[curves(f"{leg.name} joints [rad]", f"{entity}/plots/joints/{leg.name}") for leg in spec.legs]),
         curves("reward terms", f"{entity}/plots/reward"),
-        curves("foot force [N]", f"{entity}/plots/force"),
+        rrb.Tabs(
+            curves("foot force [N]", f"{entity}/plots/force"),
+            curves("leg distance [m]", f"{entity}/plots/leg_distance"),
+        ),
         row_shares=[3, 3, 2, 2],
     )
     parts = ("robot", "reference", "targets", "forces", "paths", "push", "pushes")

@@ -1,13 +1,13 @@
-"""The recording of a motion: its trajectories, the most doubtful ones first, on one timeline."""
+"""The recording of a motion: its trajectories, those closest to a limit first, on one timeline."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import rerun as rr
 
-from kine2go_warp.dataset.doubt import Doubt, doubt_of, filter_limits
+from kine2go_warp.dataset.limit_usage import LimitUsage, filter_limits, limit_usage
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.dataset.verdicts import Verdict, standing_verdicts
+from kine2go_warp.dataset.reviews import Review, standing_reviews
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.recordings.layout import motion_layout
 from kine2go_warp.recordings.meshes import Meshes
@@ -22,7 +22,7 @@ class Style:
     """What a recording shows."""
 
     trajectories: int | None = None
-    """How many, the most doubtful ones; by default all."""
+    """How many, those closest to a limit; by default all."""
     meshes: Meshes | None = None
     """Drawn instead of primitive shapes."""
 
@@ -33,32 +33,32 @@ def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:
     Raises:
         DatasetError: the motion holds no trajectory, or an array cannot be read.
     """
-    shown = most_doubtful(motion, style.trajectories)
+    shown = closest_to_limits(motion, style.trajectories)
     if not shown:
         raise DatasetError(f"motion '{motion.name}' holds no trajectory to record")
-    verdicts = {index: verdict_text(one) for index, one in standing_verdicts(motion).items()}
+    verdicts = {index: review_text(one) for index, one in standing_reviews(motion).items()}
     spec = motion.robot
     drawer = RobotDrawer(spec, style.meshes)
-    doubts = [doubt for _, doubt in shown]
+    usages = [usage for _, usage in shown]
     with recording_file(motion.name, motion.attributes.get("fingerprint", ""), path) as recording:
         recording.send_blueprint(motion_layout(motion.name, shown, spec))
-        text = motion_text(motion, doubts, verdicts)
+        text = motion_text(motion, usages, verdicts)
         recording.log("list", rr.TextDocument(text, media_type="text/markdown"), static=True)
-        for one, doubt in shown:
-            log_trajectory(recording, motion, one, doubt, drawer, verdicts.get(one.index, ""))
+        for one, usage in shown:
+            log_trajectory(recording, motion, one, usage, drawer, verdicts.get(one.index, ""))
     return len(shown)
 
 
-def most_doubtful(motion: Motion, count: int | None) -> list[tuple[Trajectory, Doubt]]:
-    """Return trajectories of a motion in memory, the most doubtful ones first."""
+def closest_to_limits(motion: Motion, count: int | None) -> list[tuple[Trajectory, LimitUsage]]:
+    """Return trajectories of a motion in memory, those closest to a limit first."""
     limits = filter_limits(motion.attributes)
     references = [one for one in motion.references() if one.length > 0]
-    known = [(one, doubt_of(one, limits)) for one in motion.read(references, None)]
-    known.sort(key=lambda pair: -pair[1].value)
+    known = [(one, limit_usage(one, limits)) for one in motion.read(references, None)]
+    known.sort(key=lambda pair: -pair[1].worst_limit_ratio)
     return known[:count]
 
 
-def verdict_text(verdict: Verdict) -> str:
-    """Return a verdict in words."""
-    why = f": {verdict.why}" if verdict.why else ""
-    return f"{verdict.verdict} by {verdict.who}{why}"
+def review_text(review: Review) -> str:
+    """Return a review in words."""
+    reason = f": {review.reason}" if review.reason else ""
+    return f"{review.verdict} by {review.reviewer}{reason}"

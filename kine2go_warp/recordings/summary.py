@@ -7,23 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt
+from kine2go_warp.dataset.limit_usage import ROW_LIMITS, LimitUsage
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.tables import counted
 
 
-def trajectory_text(motion: Motion, one: Trajectory, doubt: Doubt, verdict: str) -> str:
+def trajectory_text(motion: Motion, one: Trajectory, usage: LimitUsage, verdict: str) -> str:
     """Return what is known of a trajectory as a whole, in Markdown."""
     lines = [
         f"### {motion.name}/{one.index}",
-        f"{one.length} rows, {motion.time[one.length - 1]:.1f} s. {doubt_text(doubt)}",
+        f"{one.length} rows, {motion.time[one.length - 1]:.1f} s. {usage_text(usage)}",
         *(["", f"**{verdict}**"] if verdict else []),
         "",
         "| filter | figure | limit | share |",
         "|---|--:|--:|--:|",
     ]
-    for limit, figure, bound, share in zip(FILTER_METRICS, doubt.figures, doubt.limits, doubt.shares, strict=True):
+    for limit, figure, bound, share in zip(FILTER_METRICS, usage.metrics, usage.limits, usage.shares, strict=True):
         if not math.isnan(figure):
             known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
             lines.append(f"| {limit.label} [{limit.unit}] | {figure:.4g} | {known[0]} | {known[1]} |")
@@ -73,21 +73,24 @@ def shown(value: Any) -> str:
     return ", ".join(texts) if len(texts) <= 4 else f"{values.min():.4g} to {values.max():.4g}"
 
 
-def doubt_text(doubt: Doubt) -> str:
-    """Return how doubtful a trajectory is, in words."""
-    if math.isinf(doubt.value):
-        return "Doubt unknown: the motion's attributes have no limits."
-    return f"Doubt {doubt.value:.0%}{f', by its {doubt.worst}' if doubt.worst else ''}."
+def usage_text(usage: LimitUsage) -> str:
+    """Return how close a trajectory came to its limits, in words."""
+    if math.isinf(usage.worst_limit_ratio):
+        return "Limit usage unknown: the motion's attributes have no limits."
+    return f"Limit usage {usage.worst_limit_ratio:.0%}{f', by its {usage.worst}' if usage.worst else ''}."
 
 
-def motion_text(motion: Motion, doubts: Sequence[Doubt], verdicts: dict[int, str]) -> str:
+def motion_text(motion: Motion, usages: Sequence[LimitUsage], verdicts: dict[int, str]) -> str:
     """Return a list of trajectories in Markdown, in the order in which they are given."""
     heads = [f"{limit.label} [{limit.unit}]" for limit in ROW_LIMITS]
-    lines = [f"### {motion.name}: {counted(len(doubts), 'trajectory')}, the most doubtful first", ""]
-    lines += ["| | doubt | by | " + " | ".join(heads) + " | verdict |", "|--:|--:|---|" + "--:|" * len(heads) + "---|"]
-    for one in doubts:
-        share = "-" if math.isinf(one.value) else f"{one.value:.0%}"
-        figures = " | ".join(f"{figure:.3f}" for figure in one.figures[: len(ROW_LIMITS)])
+    lines = [f"### {motion.name}: {counted(len(usages), 'trajectory')}, those closest to a limit first", ""]
+    lines += [
+        "| | limit usage | by | " + " | ".join(heads) + " | verdict |",
+        "|--:|--:|---|" + "--:|" * len(heads) + "---|",
+    ]
+    for one in usages:
+        share = "-" if math.isinf(one.worst_limit_ratio) else f"{one.worst_limit_ratio:.0%}"
+        figures = " | ".join(f"{figure:.3f}" for figure in one.metrics[: len(ROW_LIMITS)])
         verdict = verdicts.get(one.reference.index, "")
         lines.append(f"| {one.reference.index} | {share} | {one.worst} | {figures} | {verdict} |")
     return "\n".join(lines)

@@ -7,9 +7,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.doubt import ROW_LIMITS, Doubt, row_errors
+from kine2go_warp.dataset.limit_usage import ROW_LIMITS, LimitUsage, row_errors
 from kine2go_warp.dataset.motion import Motion, Trajectory
-from kine2go_warp.metrics import CONTACT_FORCE
+from kine2go_warp.metrics import CONTACT_FORCE, FILTER_METRICS
 from kine2go_warp.recordings.pushes import log_pushes
 from kine2go_warp.recordings.robot import RobotDrawer, flat
 from kine2go_warp.recordings.shapes import Poses, reference_poses, robot_poses, skeletons
@@ -42,7 +42,7 @@ def entity_of(index: int) -> str:
 
 
 def log_trajectory(
-    recording: rr.RecordingStream, motion: Motion, one: Trajectory, doubt: Doubt, drawer: RobotDrawer, verdict: str
+    recording: rr.RecordingStream, motion: Motion, one: Trajectory, usage: LimitUsage, drawer: RobotDrawer, verdict: str
 ) -> None:
     """Log all of a trajectory below :func:`entity_of`.
 
@@ -50,7 +50,7 @@ def log_trajectory(
         recording: The recording.
         motion: Its motion.
         one: The trajectory with all row arrays.
-        doubt: How close it came to the limits.
+        usage: How close it came to the limits.
         drawer: Draws the robot.
         verdict: What was said of it, empty if nothing.
     """
@@ -65,8 +65,8 @@ def log_trajectory(
     log_forces(columns, robot, force, standing)
     log_paths(columns, rows)
     log_pushes(columns, rows)
-    log_curves(columns, motion, rows, doubt, spec)
-    columns.fix("text", rr.TextDocument(trajectory_text(motion, one, doubt, verdict), media_type="text/markdown"))
+    log_curves(columns, motion, rows, usage, spec)
+    columns.fix("text", rr.TextDocument(trajectory_text(motion, one, usage, verdict), media_type="text/markdown"))
 
 
 def steps_ahead(attributes: Mapping[str, Any]) -> tuple[int, ...]:
@@ -111,8 +111,10 @@ def log_paths(columns: Columns, rows: Mapping[str, NDArray]) -> None:
         columns.fix(f"paths/{name}", rr.LineStrips3D([strip], colors=[colour], radii=THIN))
 
 
-def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], doubt: Doubt, spec: RobotSpec) -> None:
-    """Log joints beside their references, errors as shares of their limits, rewards and forces."""
+def log_curves(
+    columns: Columns, motion: Motion, rows: Mapping[str, NDArray], usage: LimitUsage, spec: RobotSpec
+) -> None:
+    """Log joints beside their references, errors as shares of their limits, rewards, forces and leg distance."""
     reference = rows["reference_joint_position"]
     for number, leg in enumerate(spec.legs):
         part = slice(3 * number, 3 * number + 3)
@@ -121,17 +123,28 @@ def log_curves(columns: Columns, motion: Motion, rows: Mapping[str, NDArray], do
         names = [*(f"{joint} reference" for joint in LEG_JOINTS), *LEG_JOINTS]
         values = np.concatenate([reference[:, part], rows["joint_position"][:, part]], axis=1)
         columns.curves(f"plots/joints/{leg.name}", values, names, [*map(dimmed, colours), *colours])
-    log_errors(columns, rows, doubt)
+    log_errors(columns, rows, usage)
     terms = motion.labels("term")
     colours = [TERM_COLOURS[number % len(TERM_COLOURS)] for number in range(len(terms))]
     columns.curves("plots/reward", rows["reward"], [term.replace("_", " ") for term in terms], colours)
     force = np.linalg.norm(rows["foot_contact_force"], axis=-1)
     columns.curves("plots/force", force, LEG_COLOURS, LEG_COLOURS.values())
+    log_leg_distance(columns, rows["leg_distance"], usage)
 
 
-def log_errors(columns: Columns, rows: Mapping[str, NDArray], doubt: Doubt) -> None:
+def log_leg_distance(columns: Columns, distance: NDArray, usage: LimitUsage) -> None:
+    """Log the least distance of the legs from one another and the trunk, with a line where the filter rejects."""
+    curves = {"least distance": (distance, ERROR_COLOURS[0])}
+    deepest = dict(zip((one.name for one in FILTER_METRICS), usage.limits, strict=True))["leg_overlap"]
+    if not np.isnan(deepest):
+        curves["limit"] = (np.full_like(distance, -deepest), LIMIT_COLOUR)
+    values, colours = zip(*curves.values(), strict=True)
+    columns.curves("plots/leg_distance", np.stack(values, axis=1), curves, colours)
+
+
+def log_errors(columns: Columns, rows: Mapping[str, NDArray], usage: LimitUsage) -> None:
     """Log the errors as shares of the limits of the filter, with a line at 1; without limits as they are."""
-    errors, limits = row_errors(rows), doubt.limits[: len(ROW_LIMITS)]
+    errors, limits = row_errors(rows), usage.limits[: len(ROW_LIMITS)]
     is_known = not np.isnan(limits).any()
     if is_known:
         names = [f"{one.label} / {limit:g} {one.unit}" for one, limit in zip(ROW_LIMITS, limits, strict=True)]

@@ -110,7 +110,9 @@ def read_trajectories(motion: Motion, indices: Sequence[int]) -> list[RenderedTr
             raise RenderError(f"{where}: trajectory {one.index} is empty")
         for name, values in one.arrays.items():
             if not np.isfinite(values).all():
-                raise RenderError(f"{where}: {name} of trajectory {one.index} is not finite; see 'kine2go check'")
+                raise RenderError(
+                    f"{where}: {name} of trajectory {one.index} is not finite; see 'kine2go dataset check'"
+                )
         time = motion.time[: one.length]
         rate = 1.0 / float(time[1] - time[0]) if len(time) > 1 else 60.0
         camera = FollowCamera.of(one.arrays["root_position"], one.arrays["root_orientation"], rate)

@@ -30,8 +30,9 @@ def coverage_svg(curves: MotionCurves, key: str) -> str:
 
 
 def phase_svg(curves: MotionCurves, key: str) -> str:
-    """Return the errors over the reference cycle."""
-    return inline_svg(lambda: draw_phase(curves), key, f"Errors of {curves.motion} over the reference cycle")
+    """Return errors and leg distance over the reference cycle."""
+    label = f"Errors and leg distance of {curves.motion} over the reference cycle"
+    return inline_svg(lambda: draw_phase(curves), key, label)
 
 
 def inline_svg(draw: "Callable[[], Figure]", key: str, label: str) -> str:

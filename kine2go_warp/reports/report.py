@@ -148,7 +148,7 @@ def check_content(dataset: Dataset, name: str) -> None:
     """
     motion = dataset.motion(name)
     if len(motion.time) < 2 or not len(motion.lengths) or motion.lengths.min() < 1:
-        raise RenderError(f"{dataset.path}/{name}: holds no trajectory, or an empty one; see 'kine2go check'")
+        raise RenderError(f"{dataset.path}/{name}: holds no trajectory, or an empty one; see 'kine2go dataset check'")
 
 
 def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:

@@ -36,7 +36,7 @@ class GatherResult:
     rejected: dict[str, int]
     """Number of rejected rollouts by reason."""
     borderline: tuple[int, ...]
-    """Accepted rollouts that are worth a look, the most doubtful first."""
+    """Accepted rollouts that are worth a look, those closest to a limit first."""
     fingerprint: str
     """Hash of policy and settings."""
     is_new: bool
@@ -96,8 +96,8 @@ def gather(
         stats = collector.stats
         check_acceptance(clip.name, stats, config)
         accepted = collector.accepted()
-        doubt = accepted.groups["quality"]["limit_share"]
-        borderline = tuple(int(index) for index in np.argsort(-doubt, kind="stable") if doubt[index] > BORDERLINE)
+        usage = accepted.groups["quality"]["limit_share"]
+        borderline = tuple(int(index) for index in np.argsort(-usage, kind="stable") if usage[index] > BORDERLINE)
         attributes = {
             "motion": clip.name,
             **asdict(clip.origin),

@@ -33,7 +33,7 @@ class FilterResult:
 
 
 def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[str, NDArray]:
-    """Return the figures of rollouts but for the doubt, each of shape [num_trajectories].
+    """Return the figures of rollouts but for the share of a limit, each of shape [num_trajectories].
 
     Args:
         rows: Rows as in the dataset, NaN beyond each trajectory's length.

@@ -39,6 +39,8 @@ class MotionCurves:
     """10 %, 50 % and 90 % quantiles of the rows' joint RMSE [rad] by phase, shape [3, PHASE_BINS]; NaN for none."""
     root_error: Array
     """The same of the root's distance from its reference [m]."""
+    leg_distance: Array
+    """The same of the legs' least distance from one another and the trunk [m]."""
 
 
 def curves_of(data: MotionData) -> MotionCurves:
@@ -53,6 +55,7 @@ def curves_of(data: MotionData) -> MotionCurves:
         headings=[yaw[:length] for yaw, length in zip(headings, lengths, strict=True)],
         joint_error=quantiles_by_phase(rows["phase"], joint_rmse(rows)),
         root_error=quantiles_by_phase(rows["phase"], root_error(rows)),
+        leg_distance=quantiles_by_phase(rows["phase"], rows["leg_distance"]),
     )
 
 
@@ -93,23 +96,27 @@ def draw_coverage(curves: MotionCurves) -> "Figure":
 
 
 def draw_phase(curves: MotionCurves) -> "Figure":
-    """Draw errors over the reference cycle."""
-    figure = new_figure(6.0, 4.5)
-    figure.suptitle(f"{curves.motion}: error over the reference cycle", fontsize="medium")
+    """Draw errors and the legs' least distance over the reference cycle."""
+    figure = new_figure(6.0, 6.0)
+    figure.suptitle(f"{curves.motion}: errors and leg distance over the reference cycle", fontsize="medium")
     phase = (np.arange(PHASE_BINS) + 0.5) / PHASE_BINS
-    panels = ((curves.joint_error, "joint RMSE [rad]", 1.0), (curves.root_error, "root error [cm]", 100.0))
+    panels = (
+        (curves.joint_error, "joint RMSE [rad]", 1.0),
+        (curves.root_error, "root error [cm]", 100.0),
+        (curves.leg_distance, "leg distance [cm]", 100.0),
+    )
     for row, (quantiles, label, factor) in enumerate(panels):
-        axes = figure.add_subplot(2, 1, row + 1)
+        axes = figure.add_subplot(len(panels), 1, row + 1)
         low, middle, high = factor * quantiles
         axes.fill_between(phase, low, high, color=COLOURS[4], alpha=0.5, linewidth=0.0, label="10-90 %")
         axes.plot(phase, middle, color=COLOURS[0], label="median")
         axes.set(ylabel=label, xlim=(0.0, 1.0))
-        axes.set_ylim(bottom=0.0)
+        # Legs that overlap have a negative distance.
+        axes.set_ylim(bottom=min(0.0, np.nanmin(low, initial=0.0)))
         axes.grid(color="0.9")
         if row == 0:
             axes.legend(ncols=2, fontsize="small", loc="lower right")
-        else:
-            axes.set_xlabel("phase of the reference cycle [1]")
+    axes.set_xlabel("phase of the reference cycle [1]")
     return figure
 
 

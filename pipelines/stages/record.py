@@ -6,11 +6,11 @@ from typing import Any
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
-from kine2go_warp.pipelines.stages.score import verdicts_on
+from kine2go_warp.pipelines.stages.score import reviews_on
 
 
 class RecordStage:
-    """Makes ``MOTION.rrd``, and beside it the note by which 'kine2go review' knows that it is up to date."""
+    """Makes ``MOTION.rrd``, and beside it the note by which 'kine2go dataset review' knows that it is up to date."""
 
     name = "record"
     resumable = False
@@ -24,12 +24,12 @@ class RecordStage:
         return {
             "version": 1,
             "data": upstream["gather"].record.output,
-            "verdicts": verdicts_on(job),
+            "verdicts": reviews_on(job),
             "trajectories": job.recipe.record.trajectories,
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
-        """Record the most doubtful trajectories."""
+        """Record the trajectories closest to a limit."""
         from kine2go_warp.dataset.motion import Motion
         from kine2go_warp.files import sha256_of
         from kine2go_warp.recordings.cache import RecordingCache

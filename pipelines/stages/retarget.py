@@ -39,7 +39,7 @@ class RetargetStage:
         entry = job.entry
         path = entry.path(job.data_folder)
         if not entry.is_there(job.data_folder):
-            raise ClipError(f"{path}: no such motion file; 'kine2go sources list' shows which are there")
+            raise ClipError(f"{path}: no such motion file; 'kine2go motion sources list' shows which are there")
         origin = entry.origin(path, entry.frames.start, entry.frames.end, entry.rate)
         return {
             "version": 2,

@@ -23,7 +23,7 @@ class ScoreStage:
 
     def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the data's content and what people said of it."""
-        return {"version": 1, "data": upstream["gather"].record.output, "verdicts": verdicts_on(job)}
+        return {"version": 1, "data": upstream["gather"].record.output, "verdicts": reviews_on(job)}
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Score the trajectories that nobody rejected."""
@@ -47,11 +47,11 @@ class ScoreStage:
         job.workspace.publish(job.workspace.scores(job.motion), artefact.path / f"{job.motion}.json")
 
 
-def verdicts_on(job: Job) -> list[str]:
+def reviews_on(job: Job) -> list[str]:
     """Return what people said of a motion, one text a verdict."""
-    from kine2go_warp.dataset.verdicts import read_verdicts
+    from kine2go_warp.dataset.reviews import read_reviews
 
     if not job.workspace.dataset.is_dir():
         return []
-    verdicts = read_verdicts(job.workspace.dataset)
-    return [f"{one.content} {one.verdict} {one.when}" for one in verdicts if one.motion == job.motion]
+    verdicts = read_reviews(job.workspace.dataset)
+    return [f"{one.content_hash} {one.verdict} {one.when}" for one in verdicts if one.motion == job.motion]

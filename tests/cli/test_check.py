@@ -1,4 +1,4 @@
-"""``kine2go check`` as a person meets it: tables, JSON, exit statuses, and one line for whatever is no dataset."""
+"""``kine2go dataset check`` as a person meets it: tables, JSON, exit statuses; one line for whatever is no dataset."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""``kine2go render`` as a person meets it."""
+"""``kine2go dataset render`` as a person meets it."""
 
 import shutil
 

@@ -1,4 +1,4 @@
-"""``kine2go report`` as a person meets it."""
+"""``kine2go dataset report`` as a person meets it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""``kine2go review`` as a person meets it."""
+"""``kine2go dataset review`` as a person meets it."""
 
 import os
 import pty
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import FILE, read_verdicts, standing_verdicts
+from kine2go_warp.dataset.reviews import FILE, read_reviews, standing_reviews
 
 PROGRAM = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 
@@ -33,7 +33,7 @@ def stepping(dataset, keys, *options):
 
 
 def said(dataset):
-    return [(one.index, one.verdict, one.why) for one in read_verdicts(dataset)]
+    return [(one.index, one.verdict, one.reason) for one in read_reviews(dataset)]
 
 
 def shown_order(output):
@@ -70,9 +70,9 @@ def test_verdicts_by_option_stand_for_a_trajectory_or_a_whole_motion(dataset_cop
     assert "5 trajectories accepted" in capsys.readouterr().out
     arguments = ["--reject", "dog_trot/1", "dog_trot/3", "--why", "drags a leg", "--who", "Ada"]
     assert main(["review", str(dataset_copy), *arguments]) == 0
-    standing = standing_verdicts(Motion(dataset_copy, "dog_trot"))
+    standing = standing_reviews(Motion(dataset_copy, "dog_trot"))
     assert [one.verdict for one in standing.values()] == ["accepted", "rejected", "accepted", "rejected", "accepted"]
-    assert {one.who for one in standing.values()} == {"Ada"}
+    assert {one.reviewer for one in standing.values()} == {"Ada"}
 
 
 def test_scores_leave_rejected_trajectories_out_and_say_so(dataset_copy, capsys):
@@ -95,10 +95,10 @@ def test_keys_accept_reject_skip_and_quit(dataset_copy):
         assert figure in output
 
 
-def test_the_most_doubtful_come_first_and_those_with_a_verdict_not_again(dataset_copy):
+def test_those_closest_to_a_limit_come_first_and_those_with_a_verdict_not_again(dataset_copy):
     whole = shown_order(stepping(dataset_copy, "s\ns\ns\ns\ns\n"))
-    shares = [line for line in stepping(dataset_copy, "s\ns\ns\ns\ns\n").splitlines() if "doubt " in line]
-    figures = [int(line.partition("doubt ")[2].split("%")[0]) for line in shares]
+    shares = [line for line in stepping(dataset_copy, "s\ns\ns\ns\ns\n").splitlines() if "limit usage " in line]
+    figures = [int(line.partition("limit usage ")[2].split("%")[0]) for line in shares]
     assert sorted(whole) == [0, 1, 2, 3, 4]
     assert figures == sorted(figures, reverse=True)
     stepping(dataset_copy, "a\nq\n")

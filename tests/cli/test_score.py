@@ -1,4 +1,4 @@
-"""``kine2go score`` as a person meets it."""
+"""``kine2go dataset score`` as a person meets it."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""The settings of ``kine2go train``: presets of one's own, files, options, and what they are printed as."""
+"""The settings of ``kine2go policy train``: presets of one's own, files, options, and what they are printed as."""
 
 import pytest
 

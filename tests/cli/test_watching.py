@@ -1,4 +1,4 @@
-"""``kine2go train`` with somebody who watches."""
+"""``kine2go policy train`` with somebody who watches."""
 
 import pytest
 

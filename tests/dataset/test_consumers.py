@@ -12,13 +12,13 @@ import zarr
 
 from examples import behaviour_cloning
 from kine2go_warp.cli.main import main
-from kine2go_warp.cli.review_steps import in_order_of_doubt
+from kine2go_warp.cli.review_steps import by_limit_usage
 from kine2go_warp.dataset import compute_statistics, load_rows, open_dataset
 from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.reviews import FILE
 from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.torch_windows import WindowDataset
-from kine2go_warp.dataset.verdicts import FILE
 from kine2go_warp.errors import DatasetError
 from tests.conftest import ANYTHING_GOES
 from tests.reports.conftest import Page
@@ -142,8 +142,8 @@ def test_check_looks_at_what_is_stored_whatever_a_review_said(reviewed, capsys):
 
 def test_a_review_does_not_ask_again(reviewed):
     motion = Motion(reviewed, "walk")
-    assert {one.reference.index for one in in_order_of_doubt([motion], again=False)} == set(REMAINING)
-    assert {one.reference.index for one in in_order_of_doubt([motion], again=True)} == {0, 1, 2}
+    assert {one.reference.index for one in by_limit_usage([motion], again=False)} == set(REMAINING)
+    assert {one.reference.index for one in by_limit_usage([motion], again=True)} == {0, 1, 2}
 
 
 class Policy:

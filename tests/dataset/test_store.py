@@ -12,11 +12,11 @@ import zarr
 
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.trajectories import Trajectories
-from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
@@ -127,7 +127,7 @@ def test_no_object_arrays_and_no_pickles(store):
 def test_the_summary_counts_what_was_rejected_in_a_review(store):
     motion = Motion(store, "one")
     (looked_at,) = motion.read(motion.references()[:1], None)
-    add_verdicts(store, [new_verdict(looked_at, REJECTED, "limps", "Ada")])
+    add_reviews(store, [new_review(looked_at, REJECTED, "limps", "Ada")])
     assert [one.rejected_in_review for one in summarise(store)][:2] == [1, 0]
 
 

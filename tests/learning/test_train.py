@@ -112,7 +112,7 @@ def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
     with pytest.raises(PolicyError, match="not a checkpoint"):
         load_checkpoint(path, "cpu")
     torch.save({"weights": torch.zeros(3)}, path)
-    with pytest.raises(PolicyError, match="not a checkpoint of 'kine2go train'"):
+    with pytest.raises(PolicyError, match="not a checkpoint of 'kine2go policy train'"):
         load_checkpoint(path, "cpu")
 
 
@@ -141,7 +141,7 @@ def test_a_damaged_record_is_refused(tmp_path, content):
 
 
 def test_a_folder_without_a_policy_says_how_to_make_one(tmp_path):
-    with pytest.raises(PolicyError, match="kine2go train"):
+    with pytest.raises(PolicyError, match="kine2go policy train"):
         PolicyFolder(tmp_path).read_record()
 
 

@@ -84,7 +84,7 @@ def test_what_is_not_a_clip_is_refused(tmp_path, content):
     path = tmp_path / "clip.npz"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(ClipError, match="kine2go retarget"):
+    with pytest.raises(ClipError, match="kine2go motion retarget"):
         MotionClip.load(path)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from kine2go_warp.dataset.motion import Motion
+from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
 from kine2go_warp.dataset.summary import summarise
-from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
 from kine2go_warp.errors import CatalogueError, PipelineError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.pipelines.workspace import Workspace
@@ -132,7 +132,7 @@ def test_a_verdict_redoes_scores_and_recording(tmp_path):
     dataset = Workspace(tmp_path).dataset
     motion = Motion(dataset, "dog_trot")
     trajectory = next(iter(motion.read(motion.references()[:1], None)))
-    add_verdicts(dataset, [new_verdict(trajectory, REJECTED, "drags a foot", "Ada")])
+    add_reviews(dataset, [new_review(trajectory, REJECTED, "drags a foot", "Ada")])
     _, listener = run(TINY, tmp_path)
     assert stages(listener) == ["score", "record"]
     scores = json.loads(Workspace(tmp_path).scores("dog_trot").read_text())

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import ACCEPTED, add_verdicts, new_verdict
+from kine2go_warp.dataset.reviews import ACCEPTED, add_reviews, new_review
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.recordings.cache import RecordingCache
@@ -36,7 +36,7 @@ def test_it_is_written_again_when_a_verdict_is_given_since_it_shows_it(motion, f
     cache = RecordingCache(folder, Style())
     cache.ensure(motion)
     (one,) = motion.read(motion.references()[:1], None)
-    add_verdicts(motion.path, [new_verdict(one, ACCEPTED, "")])
+    add_reviews(motion.path, [new_review(one, ACCEPTED, "")])
     assert cache.ensure(motion).is_new
 
 

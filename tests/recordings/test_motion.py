@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
+from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import motion_layout
-from kine2go_warp.recordings.motion import Style, most_doubtful, record_motion
+from kine2go_warp.recordings.motion import Style, closest_to_limits, record_motion
 from kine2go_warp.recordings.pushes import SHOWN_ROWS, log_pushes
 from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.stream import Columns, recording_file
@@ -101,22 +101,35 @@ def test_targets_are_the_reference_of_later_rows_and_fewer_towards_the_end(motio
 
 def test_errors_are_shares_of_the_limits_and_the_worst_trajectory_comes_first(motion, path):
     recorded = Recorded(path)
-    shown = most_doubtful(motion, None)
-    assert [doubt.value for _, doubt in shown] == sorted((doubt.value for _, doubt in shown), reverse=True)
-    for one, doubt in shown:
+    shown = closest_to_limits(motion, None)
+    assert [usage.worst_limit_ratio for _, usage in shown] == sorted(
+        (usage.worst_limit_ratio for _, usage in shown), reverse=True
+    )
+    for one, usage in shown:
         _, shares = recorded.column(f"/{entity_of(one.index)}/plots/errors", "Scalars:scalars")
         distance = np.linalg.norm(one.arrays["root_position"] - one.arrays["reference_root_position"], axis=-1)
-        np.testing.assert_allclose(np.array(shares)[:, 0], distance / doubt.limits[0], rtol=1e-5)
+        np.testing.assert_allclose(np.array(shares)[:, 0], distance / usage.limits[0], rtol=1e-5)
         joints = one.arrays["joint_position"] - one.arrays["reference_joint_position"]
         rmse = np.sqrt(np.mean(joints**2, axis=-1))
-        np.testing.assert_allclose(np.array(shares)[:, 2], rmse / doubt.limits[2], rtol=1e-5)
+        np.testing.assert_allclose(np.array(shares)[:, 2], rmse / usage.limits[2], rtol=1e-5)
         _, limit = recorded.column(f"/{entity_of(one.index)}/plots/limit", "Scalars:scalars")
         assert set(np.ravel(limit)) == {1.0}
 
 
+def test_leg_distance_is_drawn_with_the_depth_at_which_the_filter_rejects(clean_dataset, tmp_path):
+    motion = Motion(clean_dataset, "dog_trot")
+    record_motion(motion, tmp_path / "a.rrd")
+    (one,) = motion.read(motion.references()[1:2], None)
+    recorded = Recorded(tmp_path / "a.rrd")
+    _, curves = recorded.column("/trajectories/001/plots/leg_distance", "Scalars:scalars")
+    assert np.array_equal(np.array(curves, np.float32)[:, 0], one.arrays["leg_distance"])
+    assert set(np.array(curves)[:, 1]) == {-motion.attributes["gather_settings"]["max_leg_overlap"]}
+    assert recorded.fixed("/trajectories/001/plots/leg_distance", "SeriesLines:names") == ["least distance", "limit"]
+
+
 def test_the_text_tells_quality_draw_and_verdict(motion, tmp_path):
     (one,) = motion.read(motion.references()[1:2], None)
-    add_verdicts(motion.path, [new_verdict(one, REJECTED, "drags a leg", "Ada")])
+    add_reviews(motion.path, [new_review(one, REJECTED, "drags a leg", "Ada")])
     record_motion(motion, tmp_path / "a.rrd")
     (text,) = Recorded(tmp_path / "a.rrd").fixed("/trajectories/001/text", "TextDocument:text")
     assert "rejected by Ada: drags a leg" in text
@@ -127,8 +140,8 @@ def test_the_text_tells_quality_draw_and_verdict(motion, tmp_path):
     assert listed.count("\n| ") == 1 + 3
 
 
-def test_fewer_trajectories_are_the_most_doubtful_ones(motion, tmp_path):
-    worst = most_doubtful(motion, None)[0][0].index
+def test_fewer_trajectories_are_those_closest_to_a_limit(motion, tmp_path):
+    worst = closest_to_limits(motion, None)[0][0].index
     assert record_motion(motion, tmp_path / "a.rrd", Style(trajectories=1)) == 1
     entities = {entity for entity in Recorded(tmp_path / "a.rrd").entities if entity.startswith("/trajectories")}
     assert {entity.split("/")[2] for entity in entities} == {f"{worst:03d}"}
@@ -137,13 +150,13 @@ def test_fewer_trajectories_are_the_most_doubtful_ones(motion, tmp_path):
 def test_a_trajectory_of_twenty_seconds_takes_less_than_three_megabytes(clean_dataset, tmp_path):
     # 150 rows of real data are there; what they cost beyond the first 50 they cost again and again.
     motion = Motion(clean_dataset, "dog_trot")
-    ((one, doubt),) = most_doubtful(motion, 1)
+    ((one, usage),) = closest_to_limits(motion, 1)
     sizes = {}
     for rows in (50, 150):
         part = replace(one, length=rows, arrays={name: values[:rows] for name, values in one.arrays.items()})
         with recording_file("a", "", tmp_path / "a.rrd") as recording:
-            recording.send_blueprint(motion_layout("a", [(part, doubt)], GO2))
-            log_trajectory(recording, motion, part, doubt, RobotDrawer(GO2), "")
+            recording.send_blueprint(motion_layout("a", [(part, usage)], GO2))
+            log_trajectory(recording, motion, part, usage, RobotDrawer(GO2), "")
         sizes[rows] = (tmp_path / "a.rrd").stat().st_size
     assert sizes[150] + (1200 - 150) * (sizes[150] - sizes[50]) / 100 < 3e6
 

@@ -22,7 +22,7 @@ from tests.reports.conftest import Page
 
 @pytest.fixture(scope="module")
 def scores(walks, tmp_path_factory):
-    """What ``kine2go score --json`` says of the dataset."""
+    """What ``kine2go dataset score --json`` says of the dataset."""
     path = tmp_path_factory.mktemp("scores") / "scores.json"
     assert main(["score", str(walks), "--json", str(path)]) == 0
     return json.loads(path.read_text())

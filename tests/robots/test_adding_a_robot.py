@@ -36,10 +36,10 @@ def place(tmp_path_factory):
     write_robot(folder)
     (block,) = re.findall(r"```bash\n(.*?)```", PAGE.read_text(), re.DOTALL)
     commands = [line.split()[1:] for line in block.strip().splitlines()]
-    assert [command[0] for command in commands] == list(SMALL)
+    assert [command[1] for command in commands] == list(SMALL)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        statuses = {command[0]: main([*command, *SMALL[command[0]].split()]) for command in commands}
+        statuses = {command[1]: main([*command, *SMALL[command[1]].split()]) for command in commands}
     return folder, statuses
 
 

@@ -111,7 +111,7 @@ def filtered(rows, failures=None, config=CONFIG):
     return filter_rollouts(rows, np.full(count, "") if failures is None else np.array(failures), config, FRAME, GO2)
 
 
-def test_a_perfect_rollout_is_accepted_without_doubt():
+def test_a_perfect_rollout_uses_nothing_of_its_limits():
     result = filtered(perfect())
     assert result.reasons == ("",)
     assert result.accepted.tolist() == [True]
@@ -150,7 +150,7 @@ def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():
     assert filtered(rows, config=config).reasons == ("", "leg_contact")
 
 
-def test_doubt_is_the_largest_share_of_a_limit():
+def test_limit_share_is_the_largest_share_of_a_limit():
     rows = perfect(3)
     rows["root_position"][0, 7, 1] = 0.45  # 0.9 of 0.5 m
     rows["reference_joint_position"][0] += 0.15  # 0.6 of 0.25 rad

@@ -52,9 +52,23 @@ def test_every_trajectory_is_drawn_with_its_heading(curves):
 
 
 def test_errors_have_units_and_the_median_is_drawn(curves):
-    joint, root = draw_phase(curves).axes
+    joint, root, legs = draw_phase(curves).axes
     assert (joint.get_ylabel(), root.get_ylabel()) == ("joint RMSE [rad]", "root error [cm]")
     np.testing.assert_allclose(root.lines[0].get_ydata(), 100.0 * curves.root_error[1])
+    assert legs.get_ylabel() == "leg distance [cm]"
+    np.testing.assert_allclose(legs.lines[0].get_ydata(), 100.0 * curves.leg_distance[1])
+
+
+def test_the_least_leg_distance_by_phase_is_that_of_the_rows(simulated, curves):
+    phase, distance = (simulated.trajectories.rows[name] for name in ("phase", "leg_distance"))
+    inside = (phase >= 10 / PHASE_BINS) & (phase < 11 / PHASE_BINS)
+    np.testing.assert_allclose(curves.leg_distance[1, 10], np.median(distance[inside]), rtol=1e-6)
+
+
+def test_legs_that_overlap_stay_within_the_picture(curves):
+    overlapping = replace(curves, leg_distance=curves.leg_distance - 1.0)
+    legs = draw_phase(overlapping).axes[2]
+    assert legs.get_ylim()[0] <= 100.0 * np.nanmin(overlapping.leg_distance)
 
 
 def test_pictures_are_small_and_nothing_else_is_left(curves, tmp_path):

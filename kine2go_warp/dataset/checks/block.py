@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.schema import RewardSettings, reward_settings
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.spec import MotorLimits
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ class Settings:
     """[N m s/rad]"""
     latency: float | None
     """Time from an action to its effect at the motors [s]."""
+    torque_speed: bool
+    """Whether torques end on the motors' torque-speed line; if not, at the URDF's limits."""
     friction: float | None
     """Coefficient of friction between robot and floor."""
     rewards: tuple[RewardSettings, ...]
@@ -62,6 +65,7 @@ class Settings:
             stiffness=number(root, "stiffness"),
             damping=number(root, "damping"),
             latency=number(motion, "training_settings", "env", "action", "latency"),
+            torque_speed=nested(motion, "training_settings", "env", "motor", "torque_speed") is True,
             friction=number(motion, "training_settings", "env", "solver", "friction"),
             rewards=reward_settings(motion),
             warm_up=gathering("warm_up"),
@@ -72,19 +76,24 @@ class Settings:
         )
 
 
-def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
-    """Return a number from nested attributes, None if it is not there or no number."""
+def nested(attributes: Mapping[str, Any], *keys: str) -> Any:
+    """Return a value from nested attributes, None if it is not there."""
     value: Any = attributes
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
+    """Return a number from nested attributes, None if it is not there or no number."""
+    value = nested(attributes, *keys)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number and np.isfinite(value) else None
 
 
 def pair(attributes: Mapping[str, Any], group: str, name: str) -> tuple[float, float] | None:
     """Return two numbers from nested attributes, None if they are not there."""
-    values = attributes.get(group)
-    values = values.get(name) if isinstance(values, Mapping) else None
+    values = nested(attributes, group, name)
     if not isinstance(values, list) or len(values) != 2:
         return None
     low, high = (number({"value": value}, "value") for value in values)
@@ -111,6 +120,12 @@ class Block:
     """Arrays by name as they are stored, those of sub-groups as ``group/name``; unreadable ones are not there."""
     settings: Settings
     spec: RobotSpec
+
+    @property
+    def motor_limits(self) -> MotorLimits:
+        """What the motors gave in this simulation, by speed."""
+        spec = self.spec
+        return spec.motor_limits if self.settings.torque_speed else MotorLimits.constant(spec.joint_effort)
 
     @cached_property
     def rows(self) -> Mapping[str, Array]:

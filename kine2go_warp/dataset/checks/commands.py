@@ -50,8 +50,27 @@ def mean_misplaced(block: Block) -> Array:
 
 
 def beyond_effort(block: Block) -> Array:
-    """Return by how much a torque is more than the motors can give [N m], shape [n, num_rows]."""
-    return np.maximum(largest(np.abs(block["joint_torque"]) - np.array(block.spec.joint_effort), 2), 0.0)
+    """Return by how much a torque is more than the motors can give at any speed [N m], shape [n, num_rows]."""
+    limits = block.motor_limits
+    return np.maximum(largest(np.abs(block["joint_torque"]) - np.maximum(limits.driving, limits.braking), 2), 0.0)
+
+
+def beyond_line(block: Block) -> Array:
+    """Return by how much a torque is more than the motors can give at the joint's speed [N m], shape [n, num_rows].
+
+    The torque belongs to the velocity at the beginning of the last substep, which lies between those of the row before
+    and of its own: the one of these at which a motor gives most is taken. Of the first row nothing is known.
+    """
+    torque, velocity = block["joint_torque"], block["joint_velocity"]
+    before = np.concatenate([np.full_like(velocity[:, :1], np.nan), velocity[:, :-1]], axis=1)
+    slowest = np.where(before * velocity < 0.0, 0.0, np.sign(velocity) * np.minimum(np.abs(before), np.abs(velocity)))
+    available = [block.motor_limits.available(torque, speed) for speed in (before, velocity, slowest)]
+    return np.maximum(largest(np.abs(torque) - np.max(available, axis=0), 2), 0.0)
+
+
+def beyond_speed(block: Block) -> Array:
+    """Return by how much a joint is faster than its motor can turn it [rad/s], shape [n, num_rows]."""
+    return np.maximum(largest(np.abs(block["joint_velocity"]) - np.array(block.spec.joint_speed), 2), 0.0)
 
 
 def latency_rows(latency: float, substeps: int, frequency: float) -> int:
@@ -90,8 +109,9 @@ def motor_error(block: Block, lag: int, substep: float) -> Array:
     velocity = block["joint_velocity"][:, lag:]
     position = block["joint_position"][:, lag:] - velocity * substep
     target = block["joint_target"][:, : block.num_rows - lag] + offset
-    effort = np.array(block.spec.joint_effort)
-    expected = np.clip(strength * (stiffness * (target - position) - damping * velocity), -effort, effort)
+    demand = strength * (stiffness * (target - position) - damping * velocity)
+    limit = block.motor_limits.available(demand, velocity)
+    expected = np.clip(demand, -limit, limit)
     torque = block["joint_torque"][:, lag:]
     return median(np.abs(torque - expected), 1) / (median(np.abs(torque), 1) + 0.1)
 
@@ -113,7 +133,16 @@ CHECKS = (
     ),
     RowCheck(
         "torque limits", "joint_torque", ("joint_torque",),
-        "torques keep within what the motors can give", "beyond the motors' largest torque", beyond_effort, 1e-3, "N m",
+        "torques keep within what the motors can give, at any speed and at the joint's",
+        "beyond the motors' largest torque", beyond_effort, 1e-3, "N m",
+    ),
+    RowCheck(
+        "torque limits", "joint_torque", ("joint_torque", "joint_velocity"), "",
+        "beyond the motors' torque at the joint's speed", beyond_line, 0.5, "N m",
+    ),
+    RowCheck(
+        "joint speed", "joint_velocity", ("joint_velocity",),
+        "joints are no faster than their motors", "faster than the motor can turn it", beyond_speed, 0.01, "rad/s",
     ),
     RowCheck(
         "motor law", "joint_torque", ("joint_torque", "joint_target", "joint_position", "joint_velocity"),

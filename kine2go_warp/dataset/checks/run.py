@@ -41,7 +41,7 @@ def check_dataset(
     """
     there = motion_names(path)
     if not there:
-        raise DatasetError(f"{path}: a dataset without motions; add one with 'kine2go gather'")
+        raise DatasetError(f"{path}: a dataset without motions; add one with 'kine2go dataset gather'")
     for name in motions:
         if name not in there:
             raise DatasetError(f"{path}: holds no motion '{name}'; it has: {', '.join(there)}")

@@ -12,8 +12,8 @@ from kine2go_warp.dataset.checks.block import number
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, common_size, quietly
 from kine2go_warp.dataset.checks.records import Check, Finding
+from kine2go_warp.dataset.reviews import read_reviews
 from kine2go_warp.dataset.schema import REJECTED, ArraySpec
-from kine2go_warp.dataset.verdicts import read_verdicts
 from kine2go_warp.dataset.writer import SimulationAttributes, robot_attributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
@@ -60,7 +60,7 @@ class Complaint:
 def check_reviews(path: Path) -> Iterator[Complaint]:
     """Check that what people said of trajectories can be read: a damaged file is never taken for no reviews."""
     try:
-        read_verdicts(path)
+        read_reviews(path)
     except DatasetError as error:
         yield Complaint(str(error))
 

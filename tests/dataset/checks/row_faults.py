@@ -142,6 +142,12 @@ ROW_FAULTS = {
         diagnosis="actions and targets are one row late",
     ),
     "torques beyond the motors": fault("joint_torque", at((ROW, 3), 40.0), "torque limits"),
+    "torques beyond what the motors give at that speed": Fault(
+        several(values("joint_velocity", at((slice(ROW - 1, ROW + 1), 3), 25.0)),
+                values("joint_torque", at((ROW, 3), 15.0))),
+        "torque limits", "joint_torque", ("joint_velocity", "joint_torque"),
+    ),
+    "a joint faster than its motor": fault("joint_velocity", at((ROW, 2), 21.0), "joint speed"),
     "torques in the motors' order": fault(
         "joint_torque", swapped_joints, "motor law",
         diagnosis="joint_torque has its joints in the motors' order",

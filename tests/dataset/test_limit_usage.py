@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from kine2go_warp.dataset.doubt import Doubt, doubts, filter_limits, row_errors
+from kine2go_warp.dataset.limit_usage import LimitUsage, filter_limits, limit_usages, row_errors
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.rollouts.config import GatherConfig
@@ -13,10 +13,10 @@ from kine2go_warp.rollouts.config import GatherConfig
 REFERENCE = TrajectoryReference("trot", 0, 10, {})
 
 
-def doubt_with(figures, limits, stored=math.nan):
-    """A doubt of which only the first figures and limits are known."""
+def usage_with(figures, limits, stored=math.nan):
+    """The limit usage of which only the first figures and limits are known."""
     unknown = (math.nan,) * (len(FILTER_METRICS) - len(figures))
-    return Doubt(REFERENCE, (*figures, *unknown), (*limits, *unknown), stored)
+    return LimitUsage(REFERENCE, (*figures, *unknown), (*limits, *unknown), stored)
 
 
 def test_limits_are_settings_of_the_filter():
@@ -32,17 +32,17 @@ def test_limits_that_are_not_there_are_not_invented(settings):
     assert all(math.isnan(limit) for limit in filter_limits({"gather_settings": settings}))
 
 
-def test_doubt_is_the_share_of_the_limit_that_is_closest():
-    doubt = doubt_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25))
-    assert doubt.shares[:3] == pytest.approx((0.2, 0.75, 0.2))
-    assert (doubt.value, doubt.worst) == (pytest.approx(0.75), "root angle")
+def test_the_worst_ratio_is_that_of_the_limit_that_is_closest():
+    usage = usage_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25))
+    assert usage.shares[:3] == pytest.approx((0.2, 0.75, 0.2))
+    assert (usage.worst_limit_ratio, usage.worst) == (pytest.approx(0.75), "root angle")
 
 
-def test_a_trajectory_without_limits_is_the_most_doubtful():
-    unknown = doubt_with((0.1, 0.6, 0.05), (math.nan,) * 3)
-    assert (unknown.value, unknown.worst) == (math.inf, "")
-    partly = doubt_with((0.1, 0.6, 0.05), (0.5, math.nan, math.nan))
-    assert (partly.value, partly.worst) == (pytest.approx(0.2), "root distance")
+def test_a_trajectory_without_limits_comes_first():
+    unknown = usage_with((0.1, 0.6, 0.05), (math.nan,) * 3)
+    assert (unknown.worst_limit_ratio, unknown.worst) == (math.inf, "")
+    partly = usage_with((0.1, 0.6, 0.05), (0.5, math.nan, math.nan))
+    assert (partly.worst_limit_ratio, partly.worst) == (pytest.approx(0.2), "root distance")
 
 
 def test_errors_of_rows_are_distance_angle_and_joints():
@@ -59,37 +59,37 @@ def test_errors_of_rows_are_distance_angle_and_joints():
 
 
 def test_what_gathering_found_counts_where_it_is_stored():
-    doubt = doubt_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25), stored=0.9)
-    assert (doubt.value, doubt.worst) == (0.9, "root angle")
+    usage = usage_with((0.1, 0.6, 0.05), (0.5, 0.8, 0.25), stored=0.9)
+    assert (usage.worst_limit_ratio, usage.worst) == (0.9, "root angle")
 
 
-def test_doubts_of_a_dataset_are_those_of_its_filter(clean_dataset):
+def test_limit_usages_of_a_dataset_are_those_of_its_filter(clean_dataset):
     motion = Motion(clean_dataset, "dog_trot")
-    found = list(doubts(motion, motion.references()))
+    found = list(limit_usages(motion, motion.references()))
     assert [one.reference.index for one in found] == [0, 1, 2, 3, 4]
     for one in found:
         index = one.reference.index
-        assert one.value == motion.values("quality/limit_share")[index] <= 1.0, "the filter kept it"
-        assert one.figures[7] == motion.values("quality/foot_slip")[index]
+        assert one.worst_limit_ratio == motion.values("quality/limit_share")[index] <= 1.0, "the filter kept it"
+        assert one.metrics[7] == motion.values("quality/foot_slip")[index]
         assert one.limits[:3] == (9.0, 3.2, 9.0)
-        assert max(one.shares) == pytest.approx(one.value, rel=1e-6)
+        assert max(one.shares) == pytest.approx(one.worst_limit_ratio, rel=1e-6)
         assert FILTER_METRICS[int(np.argmax(one.shares))].label == one.worst
 
 
 def test_without_stored_figures_they_come_from_the_rows(clean_dataset, tmp_path):
-    stored = doubts_of(clean_dataset)
+    stored = usages_of(clean_dataset)
     older = shutil.copytree(clean_dataset, tmp_path / "older.zarr")
     shutil.rmtree(older / "dog_trot" / "quality")
     for path in (older / "zarr.json", older / "dog_trot" / "zarr.json"):
         metadata = json.loads(path.read_text())
         metadata.pop("consolidated_metadata", None)
         path.write_text(json.dumps(metadata))
-    for one, before in zip(doubts_of(older), stored, strict=True):
-        assert one.figures[:3] == pytest.approx(before.figures[:3], rel=1e-4)
-        assert all(math.isnan(figure) for figure in one.figures[3:])
-        assert one.value == max(one.shares[:3])
+    for one, before in zip(usages_of(older), stored, strict=True):
+        assert one.metrics[:3] == pytest.approx(before.metrics[:3], rel=1e-4)
+        assert all(math.isnan(figure) for figure in one.metrics[3:])
+        assert one.worst_limit_ratio == max(one.shares[:3])
 
 
-def doubts_of(path):
+def usages_of(path):
     motion = Motion(path, "dog_trot")
-    return list(doubts(motion, motion.references()))
+    return list(limit_usages(motion, motion.references()))

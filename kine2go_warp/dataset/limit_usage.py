@@ -1,4 +1,4 @@
-"""How close each trajectory came to being rejected, so that people look at the most doubtful ones first."""
+"""How close each trajectory came to being rejected, so that people look at those first that were closest."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
 from kine2go_warp.metrics import FILTER_METRICS, joint_rmse, root_angle, root_error
 
 ROW_LIMITS = FILTER_METRICS[:3]
-"""Those whose errors are known row by row, also where a dataset stores no figures."""
+"""Those whose errors are known row by row, also where a dataset stores no metrics."""
 
 ERROR_ARRAYS = (
     "root_position",
@@ -29,12 +29,12 @@ STORED = "quality/limit_share"
 
 
 @dataclass(frozen=True)
-class Doubt:
+class LimitUsage:
     """How close a trajectory came to each limit."""
 
     reference: TrajectoryReference
-    figures: tuple[float, ...]
-    """The figures that ``FILTER_METRICS`` names, NaN where they are not known."""
+    metrics: tuple[float, ...]
+    """Those of ``FILTER_METRICS``, NaN where they are not known."""
     limits: tuple[float, ...]
     """The limits, NaN where the motion's attributes have none."""
     stored: float = math.nan
@@ -42,12 +42,12 @@ class Doubt:
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Each figure as a share of its limit, NaN where one of them is not known."""
-        return tuple(figure / limit for figure, limit in zip(self.figures, self.limits, strict=True))
+        """Each metric as a share of its limit, NaN where one of them is not known."""
+        return tuple(metric / limit for metric, limit in zip(self.metrics, self.limits, strict=True))
 
     @property
-    def value(self) -> float:
-        """The largest share: 1 at a limit, and without end for a trajectory of whose limits nothing is known."""
+    def worst_limit_ratio(self) -> float:
+        """The largest share: 1 at a limit, infinite if no limit is known."""
         if not math.isnan(self.stored):
             return self.stored
         known = [share for share in self.shares if not math.isnan(share)]
@@ -55,7 +55,7 @@ class Doubt:
 
     @property
     def worst(self) -> str:
-        """The figure that is closest to its limit, an empty text if no limit is known."""
+        """The metric that is closest to its limit, an empty text if no limit is known."""
         known = [
             (share, limit.label)
             for share, limit in zip(self.shares, FILTER_METRICS, strict=True)
@@ -81,31 +81,33 @@ def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
     return np.stack([root_error(rows), root_angle(rows), joint_rmse(rows)], axis=-1)
 
 
-def doubt_of(reference: TrajectoryReference, limits: tuple[float, ...]) -> Doubt:
-    """Return how close a trajectory came to the limits, by the figures that the dataset stores.
+def limit_usage(reference: TrajectoryReference, limits: tuple[float, ...]) -> LimitUsage:
+    """Return how close a trajectory came to the limits, by the metrics that the dataset stores.
 
     Where it lacks those of ``ROW_LIMITS``, they are computed from the rows, which needs a ``Trajectory`` with
     ``ERROR_ARRAYS``.
     """
     values = reference.values
-    figures = [float(values.get(f"quality/{limit.name}", math.nan)) for limit in FILTER_METRICS]
-    if isinstance(reference, Trajectory) and any(math.isnan(figure) for figure in figures[: len(ROW_LIMITS)]):
+    metrics = [float(values.get(f"quality/{limit.name}", math.nan)) for limit in FILTER_METRICS]
+    if isinstance(reference, Trajectory) and any(math.isnan(metric) for metric in metrics[: len(ROW_LIMITS)]):
         distance, angle, joints = row_errors(reference.arrays).T
-        figures[: len(ROW_LIMITS)] = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
-    return Doubt(reference, tuple(figures), limits, float(values.get(STORED, math.nan)))
+        metrics[: len(ROW_LIMITS)] = float(distance.max()), float(angle.max()), float(np.sqrt(np.mean(joints**2)))
+    return LimitUsage(reference, tuple(metrics), limits, float(values.get(STORED, math.nan)))
 
 
-def doubts(motion: Motion, references: Sequence[TrajectoryReference]) -> Iterator[Doubt]:
-    """Yield how doubtful trajectories of a motion are, in their order; rows are read only where figures are missing.
+def limit_usages(motion: Motion, references: Sequence[TrajectoryReference]) -> Iterator[LimitUsage]:
+    """Yield how close trajectories of a motion came to the limits, in their order.
+
+    Rows are read only where the dataset stores no metrics.
 
     Raises:
         DatasetError: an array cannot be read.
     """
     limits = filter_limits(motion.attributes)
     if all(f"quality/{limit.name}" in motion.trajectory_arrays for limit in ROW_LIMITS):
-        yield from (doubt_of(reference, limits) for reference in references)
+        yield from (limit_usage(reference, limits) for reference in references)
         return
     for trajectory in motion.read(references, ERROR_ARRAYS):
-        one = doubt_of(trajectory, limits)
+        one = limit_usage(trajectory, limits)
         slim = TrajectoryReference(trajectory.motion, trajectory.index, trajectory.length, trajectory.values)
         yield replace(one, reference=slim)

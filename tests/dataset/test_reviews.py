@@ -1,4 +1,4 @@
-"""Verdicts: who said what of which rows, kept beside the motions."""
+"""Reviews: who said what of which rows, kept beside the motions."""
 
 import json
 import subprocess
@@ -12,20 +12,20 @@ import xarray
 from kine2go_warp.dataset import load_rows, open_dataset
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.store import motion_names
-from kine2go_warp.dataset.trajectories import Trajectories
-from kine2go_warp.dataset.verdicts import (
+from kine2go_warp.dataset.reviews import (
     ACCEPTED,
     FILE,
     LOCK,
     REJECTED,
-    add_verdicts,
-    content_of,
-    new_verdict,
-    read_verdicts,
-    remove_verdict,
-    standing_verdicts,
+    add_reviews,
+    content_hash,
+    new_review,
+    read_reviews,
+    remove_review,
+    standing_reviews,
 )
+from kine2go_warp.dataset.store import motion_names
+from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.exports.export import export_dataset
@@ -46,14 +46,14 @@ def say(path, motion, index, verdict, why="", who="Ada"):
     """Give a verdict on one trajectory."""
     opened = Motion(path, motion)
     (one,) = opened.read([opened.references()[index]], None)
-    given = new_verdict(one, verdict, why, who)
-    add_verdicts(path, [given])
+    given = new_review(one, verdict, why, who)
+    add_reviews(path, [given])
     return given
 
 
 def places(path, motion):
     """Which trajectories stand accepted or rejected."""
-    return {index: one.verdict for index, one in standing_verdicts(Motion(path, motion)).items()}
+    return {index: one.verdict for index, one in standing_reviews(Motion(path, motion)).items()}
 
 
 def rewrite(path, motion, trajectories):
@@ -62,8 +62,8 @@ def rewrite(path, motion, trajectories):
 
 def test_a_verdict_keeps_who_when_and_why(path):
     given = say(path, "one", 1, REJECTED, "drags a leg", "Grace")
-    assert read_verdicts(path) == (given,)
-    assert (given.who, given.why, given.index) == ("Grace", "drags a leg", 1)
+    assert read_reviews(path) == (given,)
+    assert (given.reviewer, given.reason, given.index) == ("Grace", "drags a leg", 1)
     assert given.when.endswith("+00:00")
 
 
@@ -71,11 +71,11 @@ def test_the_last_verdict_counts_and_can_be_taken_back(path):
     say(path, "one", 1, REJECTED, "looked wrong")
     last = say(path, "one", 1, ACCEPTED)
     assert places(path, "one") == {1: ACCEPTED}
-    remove_verdict(path, last)
+    remove_review(path, last)
     assert places(path, "one") == {1: REJECTED}
     assert places(path, "two") == {}
-    remove_verdict(path, last)
-    assert len(read_verdicts(path)) == 1
+    remove_review(path, last)
+    assert len(read_reviews(path)) == 1
 
 
 def test_a_verdict_survives_gathering_the_same_again(path):
@@ -100,7 +100,7 @@ def test_a_verdict_lapses_when_any_row_changes(path, array):
     rows[array][1, 7] += 1e-3
     rewrite(path, "one", Trajectories(rows, data.draws, data.groups))
     assert places(path, "one") == {2: REJECTED}
-    assert len(read_verdicts(path)) == 2, "the record is kept"
+    assert len(read_reviews(path)) == 2, "the record is kept"
 
 
 def test_padding_is_no_content(path):
@@ -108,7 +108,7 @@ def test_padding_is_no_content(path):
     (one,) = motion.read(motion.references()[1:2], None)
     assert one.arrays["action"].shape[0] == 15
     shorter = replace(one, arrays={name: values[:14] for name, values in one.arrays.items()})
-    assert content_of(shorter) != content_of(one)
+    assert content_hash(shorter) != content_hash(one)
 
 
 def test_loading_export_and_statistics_leave_rejected_trajectories_out(path, tmp_path):
@@ -153,7 +153,7 @@ def test_adding_and_replacing_motions_keeps_the_verdicts(path, rng):
     given = say(path, "one", 0, REJECTED, "falls")
     rewrite(path, "two", made_up(rng))
     rewrite(path, "three", made_up(rng))
-    assert read_verdicts(path) == (given,)
+    assert read_reviews(path) == (given,)
     assert places(path, "one") == {0: REJECTED}
 
 
@@ -162,13 +162,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.dataset.verdicts import REJECTED, add_verdicts, new_verdict
+from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
 path, who = Path(sys.argv[1]), sys.argv[2]
 motion = Motion(path, "one")
 (one,) = motion.read(motion.references()[:1], None)
 sys.stdin.readline()
 for number in range(50):
-    add_verdicts(path, [new_verdict(one, REJECTED, str(number), who)])
+    add_reviews(path, [new_review(one, REJECTED, str(number), who)])
 """
 
 
@@ -180,9 +180,9 @@ def test_two_reviewers_at_once_never_lose_a_verdict(path):
         writer.stdin.write("go\n")
         writer.stdin.flush()
     assert [writer.wait(60) for writer in writers] == [0, 0]
-    verdicts = read_verdicts(path)
+    verdicts = read_reviews(path)
     for name in names:
-        assert [one.why for one in verdicts if one.who == name] == [str(number) for number in range(50)]
+        assert [one.reason for one in verdicts if one.reviewer == name] == [str(number) for number in range(50)]
     assert {file.name for file in path.iterdir()} == {"zarr.json", "one", "two", FILE, LOCK}
 
 

@@ -4,12 +4,10 @@ A verdict belongs to the content of a trajectory: it holds wherever the same row
 gathering again, and lapses when the rows have changed.
 """
 
-import fcntl
 import getpass
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,56 +17,66 @@ import numpy as np
 
 from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, locked
 
 FILE = "verdicts.json"
 LOCK = ".verdicts.lock"
 ACCEPTED, REJECTED = "accepted", "rejected"
 FORMAT_VERSION = 1
 
+STORED_NAMES = {"content_hash": "content", "reason": "why", "reviewer": "who"}
+"""Names of fields in the file, where they differ."""
+
 
 @dataclass(frozen=True)
-class Verdict:
-    """What somebody said of one trajectory."""
+class Review:
+    """What a reviewer said of one trajectory."""
 
     motion: str
     index: int
-    """Its place in the motion when it was looked at; it may be elsewhere since."""
-    content: str
-    """Hash of its rows."""
+    """Trajectory index at review time; it may change when the motion is gathered again."""
+    content_hash: str
+    """Of its rows."""
     verdict: str
     """``ACCEPTED`` or ``REJECTED``."""
-    why: str
-    who: str
+    reason: str
+    reviewer: str
     when: str
     """Date and time, ISO 8601 with the time zone."""
 
     @classmethod
-    def from_json(cls, values: Any) -> "Verdict":
-        """Return a verdict from a JSON object.
+    def from_json(cls, values: Any) -> "Review":
+        """Return a review from a JSON object.
 
         Raises:
             ValueError: it is none.
         """
-        types = {field.name: int if field.name == "index" else str for field in fields(cls)}
+        names = {STORED_NAMES.get(field.name, field.name): field.name for field in fields(cls)}
+        types = {stored: int if name == "index" else str for stored, name in names.items()}
         if not isinstance(values, dict) or {name: type(value) for name, value in values.items()} != types:
             raise ValueError(f"a verdict has {', '.join(types)}, not {str(values)[:80]}")
         if values["verdict"] not in (ACCEPTED, REJECTED):
             raise ValueError(f"a verdict is '{ACCEPTED}' or '{REJECTED}', not '{values['verdict'][:80]}'")
-        return cls(**values)
+        return cls(**{name: values[stored] for stored, name in names.items()})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as it is stored."""
+        return {STORED_NAMES.get(name, name): value for name, value in asdict(self).items()}
 
 
-def new_verdict(trajectory: Trajectory, verdict: str, why: str, who: str | None = None) -> Verdict:
-    """Return a verdict of this moment.
+def new_review(trajectory: Trajectory, verdict: str, reason: str, reviewer: str | None = None) -> Review:
+    """Return a review of this moment.
 
     Args:
         trajectory: The trajectory with all its row arrays.
         verdict: ``ACCEPTED`` or ``REJECTED``.
-        why: The reason.
-        who: Name of the person; by default the name that is logged in.
+        reason: Why.
+        reviewer: Name of the person; by default the name that is logged in.
     """
     when = datetime.now(UTC).isoformat(timespec="seconds")
-    return Verdict(trajectory.motion, trajectory.index, content_of(trajectory), verdict, why, who or user(), when)
+    return Review(
+        trajectory.motion, trajectory.index, content_hash(trajectory), verdict, reason, reviewer or user(), when
+    )
 
 
 def user() -> str:
@@ -79,7 +87,7 @@ def user() -> str:
         return "unknown"
 
 
-def content_of(trajectory: Trajectory) -> str:
+def content_hash(trajectory: Trajectory) -> str:
     """Return a hash of all rows of a trajectory: names, types and values of its arrays."""
     digest = hashlib.sha256()
     for name in sorted(trajectory.arrays):
@@ -89,7 +97,7 @@ def content_of(trajectory: Trajectory) -> str:
     return digest.hexdigest()[:32]
 
 
-def read_verdicts(dataset: Path) -> tuple[Verdict, ...]:
+def read_reviews(dataset: Path) -> tuple[Review, ...]:
     """Return all verdicts of a dataset, the oldest first, also those that have lapsed.
 
     Raises:
@@ -105,12 +113,12 @@ def read_verdicts(dataset: Path) -> tuple[Verdict, ...]:
     if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
         raise DatasetError(f"{path}: not a file of verdicts of format {FORMAT_VERSION}; mend or remove it")
     try:
-        return tuple(Verdict.from_json(values) for values in content["verdicts"])
+        return tuple(Review.from_json(values) for values in content["verdicts"])
     except (KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: {error}; mend or remove it") from None
 
 
-def add_verdicts(dataset: Path, verdicts: Sequence[Verdict]) -> None:
+def add_reviews(dataset: Path, verdicts: Sequence[Review]) -> None:
     """Add verdicts to those of a dataset; several processes may do so at once.
 
     Raises:
@@ -119,21 +127,21 @@ def add_verdicts(dataset: Path, verdicts: Sequence[Verdict]) -> None:
     _change(dataset, lambda known: (*known, *verdicts))
 
 
-def remove_verdict(dataset: Path, verdict: Verdict) -> None:
+def remove_review(dataset: Path, verdict: Review) -> None:
     """Take a verdict back, the last one that is equal.
 
     Raises:
         DatasetError: the file cannot be read.
     """
 
-    def without(known: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
+    def without(known: tuple[Review, ...]) -> tuple[Review, ...]:
         places = [place for place, one in enumerate(known) if one == verdict]
         return known if not places else known[: places[-1]] + known[places[-1] + 1 :]
 
     _change(dataset, without)
 
 
-def standing_verdicts(motion: Motion, verdicts: Sequence[Verdict] | None = None) -> dict[int, Verdict]:
+def standing_reviews(motion: Motion, verdicts: Sequence[Review] | None = None) -> dict[int, Review]:
     """Return the last verdict on each trajectory of a motion that has one, by the place of the trajectory now.
 
     Rows are read only where there are verdicts: those of the trajectories that the verdicts name, and all others only
@@ -146,38 +154,28 @@ def standing_verdicts(motion: Motion, verdicts: Sequence[Verdict] | None = None)
     Raises:
         DatasetError: the file of verdicts or an array cannot be read.
     """
-    known = read_verdicts(motion.path) if verdicts is None else verdicts
-    last = {one.content: one for one in known if one.motion == motion.name}
+    known = read_reviews(motion.path) if verdicts is None else verdicts
+    last = {one.content_hash: one for one in known if one.motion == motion.name}
     if not last:
         return {}
     references = [one for one in motion.references() if one.length > 0]
     named = {one.index for one in last.values()}
     found = _matching(motion, [one for one in references if one.index in named], last)
-    if {one.content for one in found.values()} != set(last):
+    if {one.content_hash for one in found.values()} != set(last):
         found |= _matching(motion, [one for one in references if one.index not in named], last)
     return dict(sorted(found.items()))
 
 
-def _matching(
-    motion: Motion, references: Sequence[TrajectoryReference], last: dict[str, Verdict]
-) -> dict[int, Verdict]:
+def _matching(motion: Motion, references: Sequence[TrajectoryReference], last: dict[str, Review]) -> dict[int, Review]:
     """Return which of some trajectories have a verdict on their content."""
-    contents = ((one.index, content_of(one)) for one in motion.read(references, None))
+    contents = ((one.index, content_hash(one)) for one in motion.read(references, None))
     return {index: last[content] for index, content in contents if content in last}
 
 
-def _change(dataset: Path, change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> None:
+def _change(dataset: Path, change: Callable[[tuple[Review, ...]], tuple[Review, ...]]) -> None:
     """Read, change and write the verdicts while nobody else does."""
-    with _locked(dataset):
-        verdicts = [asdict(one) for one in change(read_verdicts(dataset))]
+    with locked(dataset / LOCK, wait=True):
+        verdicts = [one.to_json() for one in change(read_reviews(dataset))]
         text = json.dumps({"format_version": FORMAT_VERSION, "verdicts": verdicts}, indent=1, ensure_ascii=False)
         with atomic_file(dataset / FILE) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _locked(dataset: Path) -> Iterator[None]:
-    """Wait until no other process changes the verdicts of a dataset, and keep others waiting meanwhile."""
-    with (dataset / LOCK).open("a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
