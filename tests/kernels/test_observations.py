@@ -142,6 +142,8 @@ def test_privileged_observations_agree_with_numpy(rng):
     factors = np.float32(rng.uniform(0.8, 1.2, (4, count, 12)))
     motors.stiffness, motors.damping = array(60.0 * factors[0]), array(2.0 * factors[1])
     motors.strength, motors.offset = array(factors[2]), array(factors[3])
+    joint_friction = np.float32(rng.uniform(0.0, 1.0, (count, 12)))
+    motors.friction = array(joint_friction)
     delay = rng.integers(0, 9, count)
     motors.delay = array(delay, int)
     mass, com = np.float32(rng.normal(0.0, 1.0, count)), np.float32(rng.normal(0.0, 0.02, (count, 3)))
@@ -174,6 +176,7 @@ def test_privileged_observations_agree_with_numpy(rng):
         "strength": factors[2] - 1.0,
         "motor_offset": factors[3],
         "latency": delay[:, None],
+        "joint_friction": joint_friction,
     }
     for placed in place_privileged(EnvConfig()):
         found = out[:, placed.field.start : placed.field.stop]
