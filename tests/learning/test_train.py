@@ -165,7 +165,7 @@ def test_the_robust_preset_trains_on_rough_ground_with_a_critic_that_sees_more(c
     weights = load_checkpoint(PolicyFolder(tmp_path / "p").latest_checkpoint(), "cpu")
     actor_inputs = weights["actor_state_dict"]["mlp.0.weight"].shape[1]
     critic_inputs = weights["critic_state_dict"]["mlp.0.weight"].shape[1]
-    assert (actor_inputs, critic_inputs) == (219, 219 + 73)
+    assert (actor_inputs, critic_inputs) == (219, 219 + 85)
 
 
 def test_several_clips_train_one_policy(clip, standing_clip, tmp_path):
