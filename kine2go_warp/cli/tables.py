@@ -212,7 +212,9 @@ def print_bench(report: "BenchReport") -> None:
     """Print what a benchmark has found, and where."""
     from kine2go_warp.machine import machine
 
-    settings = ", ".join(f"{value:,} {name}" for name, value in report.settings.items())
+    settings = ", ".join(
+        f"{name} {value}" if isinstance(value, str) else f"{value:,} {name}" for name, value in report.settings.items()
+    )
     rows = []
     for row in report.measurements:
         values = (f"{value:,.0f}" if value >= 100.0 else f"{value:.3f}" for value in (row.median, *row.spread))
