@@ -121,7 +121,8 @@ def test_pictures_of_the_best_median_and_worst_trajectory_are_there(page):
 
 
 def test_plots_take_the_colours_of_the_page(page, report):
-    assert [one["aria-label"].split(" of ")[0] for one in page.all("svg")] == ["Root paths", "Errors and leg distance"] * 2
+    plots = [one["aria-label"].split(" of ")[0] for one in page.all("svg")]
+    assert plots == ["Root paths", "Errors and leg distance"] * 2
     assert report.read_text().count("currentColor") > 20
     for style in (attributes.get("style", "") for _, attributes in page.elements):
         assert not re.search(r"(fill|stroke): #(000000|ffffff|010203)", style)
