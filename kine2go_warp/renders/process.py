@@ -8,11 +8,12 @@ draws.
 
 import contextlib
 import ctypes.util
+import json
+import math
 import os
-import pickle  # between this process and the one that it starts; nothing comes from a file
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import BinaryIO
 
 import numpy as np
@@ -42,6 +43,21 @@ class RenderRequest:
     show_reference: bool = True
     show_floor: bool = True
 
+    def as_line(self) -> bytes:
+        """Return the request as a line of JSON."""
+        return json.dumps(asdict(self), default=lambda value: value.tolist()).encode() + b"\n"
+
+    @classmethod
+    def from_line(cls, line: bytes) -> "RenderRequest":
+        """Undo ``as_line``."""
+        content = json.loads(line)
+        robot, reference = (
+            Pose(**{name: np.array(values) for name, values in content.pop(key).items()})
+            for key in ("robot", "reference")
+        )
+        view = content.pop("view")
+        return cls(robot, reference, View(**view | {"target": np.array(view["target"])}), **content)
+
 
 def drawing_library() -> str:
     """Return how to draw without a display: ``egl`` or ``osmesa``. The environment variable MUJOCO_GL decides.
@@ -69,6 +85,7 @@ class RenderProcess:
             RenderError: this machine cannot draw.
         """
         library = drawing_library()
+        self._shape = (height, width, 3)
         # In a session of its own, so that Ctrl-C reaches this process only, which then ends the other one.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, str(width), str(height), robot],
@@ -82,12 +99,11 @@ class RenderProcess:
         assert self._process.stdout is not None
         self._requests, self._answers = self._process.stdin, self._process.stdout
         try:
-            error = pickle.load(self._answers)
-        except BaseException as broken:
+            line = self._answers.readline()
+        except BaseException:
             self.close()
-            if not isinstance(broken, EOFError):
-                raise
-            raise RenderError(f"cannot draw with {library}, its driver failed; {HELP}") from None
+            raise
+        error = json.loads(line) if line else f"cannot draw with {library}, its driver failed; {HELP}"
         if error is not None:
             self.close()
             raise RenderError(error)
@@ -115,36 +131,37 @@ class RenderProcess:
         Raises:
             RenderError: the process has ended.
         """
-        try:
-            pickle.dump(request, self._requests)
+        picture, size = b"", math.prod(self._shape)
+        with contextlib.suppress(BrokenPipeError):
+            self._requests.write(request.as_line())
             self._requests.flush()
-            return pickle.load(self._answers)
-        except (BrokenPipeError, EOFError, pickle.UnpicklingError):
-            raise RenderError(
-                f"the process that draws has ended, perhaps by a fault of the graphics driver; {HELP}"
-            ) from None
+            picture = self._answers.read(size)
+        if len(picture) < size:
+            raise RenderError(f"the process that draws has ended, perhaps by a fault of the graphics driver; {HELP}")
+        return np.frombuffer(bytearray(picture), np.uint8).reshape(self._shape)
 
 
 def serve(library: str, width: int, height: int, robot: str, requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer with None or an error message, then every request with a picture, until the requests end."""
+    """Draw a picture for each request, a line of JSON, until the requests end.
+
+    The first answer is a line of JSON, null or an error message; the others are the bytes of pictures.
+    """
     from kine2go_warp.renders.renderer import OffscreenRenderer
     from kine2go_warp.renders.scene import Scene
 
-    def answer(value: object) -> None:
-        pickle.dump(value, answers)
+    def answer(content: bytes) -> None:
+        answers.write(content)
         answers.flush()
 
     try:
         with OffscreenRenderer(Scene(robot_named(robot)), width, height, library) as renderer:
-            answer(None)
-            while True:
-                request: RenderRequest = pickle.load(requests)
+            answer(b"null\n")
+            for line in requests:
+                request = RenderRequest.from_line(line)
                 renderer.scene.place(request.robot, request.reference)
-                answer(renderer.draw(request.view, request.show_reference, request.show_floor))
+                answer(renderer.draw(request.view, request.show_reference, request.show_floor).tobytes())
     except Kine2GoError as error:
-        answer(str(error))
-    except EOFError:
-        return
+        answer(json.dumps(str(error)).encode() + b"\n")
     except BrokenPipeError:
         os._exit(0)  # the caller has gone
 

@@ -94,7 +94,7 @@ def all_figures(estimates: Mapping[str, Estimate]) -> Table:
 
 
 def fidelity(attributes: Mapping[str, Any]) -> Table:
-    """Return how truly the reference of one motion moves as the animal does; no rows where nothing is said of it."""
+    """Return the fidelity metrics of a motion's reference; no rows if the dataset has none."""
     rows = []
     for name, one in dict(attributes.get("fidelity") or {}).items():
         value = math.nan if one.get("value") is None else float(one["value"])

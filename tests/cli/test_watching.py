@@ -1,4 +1,4 @@
-"""``kine2go policy train`` with somebody who watches."""
+"""``kine2go policy train --rerun``: the live view of a training."""
 
 import pytest
 
