@@ -205,10 +205,10 @@ class MotionClip:
                     **arrays,
                 )
         except FileNotFoundError:
-            raise ClipError(f"{path}: no such clip; make it with 'kine2go retarget'") from None
+            raise ClipError(f"{path}: no such clip; make it with 'kine2go motion retarget'") from None
         except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
             problem = f"{error.__class__.__name__}: {error}"
-            raise ClipError(f"{path}: not a clip written by 'kine2go retarget' ({problem})") from None
+            raise ClipError(f"{path}: not a clip written by 'kine2go motion retarget' ({problem})") from None
         raise ClipError(f"{path}: clip format {version}, expected {FORMAT_VERSION}; retarget it again")
 
 
