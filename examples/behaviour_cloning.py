@@ -200,7 +200,8 @@ def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dic
     action = ActionConfig("default_offset", GO2.action_scale, latency=config.action.latency)
     for_clone = replace(config, action=action, history_length=HISTORY, steps_ahead=AHEAD)
     record = policy.read_record()
-    environments = (ImitationEnvironment(policy.read_clips(record)[:1], one, "cpu") for one in (config, for_clone))
+    clips = policy.read_clips(record)[:1]
+    environments = (ImitationEnvironment(clips, one, "cpu", record_loads=True) for one in (config, for_clone))
     env, clone_env = (ImitationVecEnv(environment) for environment in environments)
     original = NoisyPolicy(env, record.preset, policy.latest_checkpoint(), settings.seed)
     noise = torch.linspace(*gathered["action_noise_scale"], steps=settings.worlds)[:, None]

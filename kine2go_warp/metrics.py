@@ -68,7 +68,7 @@ FILTER_METRICS = (
              "max_leg_contact", "leg_contact", "leg contact"),
     _limited("joint_limit", "1", f"share of joint positions within {LIMIT_MARGIN:g} rad of a limit, or beyond it",
              "max_joint_limit", "joint_limit", "joint limits"),
-    _limited("torque_saturation", "1", "share of torques at the motors' limit",
+    _limited("torque_saturation", "1", "share of rows and joints in which a torque reached the motor's limit",
              "max_torque_saturation", "torque_saturation", "torque limits"),
     _limited("action_saturation", "1", "share of commanded joint targets beyond the joints' limits",
              "max_action_saturation", "action_saturation", "action limits"),
@@ -214,10 +214,9 @@ def foot_slip(contact_velocity: NDArray, foot_contact_force: NDArray, contact_fo
     return mean_per_trajectory(np.where(contact, speed, np.nan))
 
 
-def mechanical_power(joint_torque: NDArray, joint_velocity: NDArray) -> Array:
-    """Return the mean over rows of the sum over joints of the size of torque times velocity [W]."""
-    power = np.abs(np.asarray(joint_torque, np.float64) * joint_velocity)
-    return mean_per_trajectory(np.sum(power, axis=-1))
+def mechanical_power(joint_power: NDArray) -> Array:
+    """Return the mean over rows of the sum over joints of the size of each joint's power [W]."""
+    return mean_per_trajectory(np.sum(np.abs(np.asarray(joint_power, np.float64)), axis=-1))
 
 
 def mean_speed(root_position: NDArray, frame_duration: float) -> Array:
@@ -232,9 +231,9 @@ def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
     return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
 
 
-def torque_saturation(joint_torque: NDArray, available: NDArray | tuple[float, ...]) -> Array:
-    """Return the share of torques [N m] at the largest that the motors give, ``available``, of a shape that fits."""
-    return share_per_trajectory(np.abs(joint_torque) >= SATURATION * np.asarray(available), joint_torque)
+def torque_saturation(torque_usage: NDArray) -> Array:
+    """Return the share of rows and joints in which a torque reached what the motor gives at its speed."""
+    return share_per_trajectory(torque_usage >= SATURATION, torque_usage)
 
 
 def joint_limit_share(

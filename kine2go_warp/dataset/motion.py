@@ -11,7 +11,7 @@ import zarr
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
-from kine2go_warp.dataset.store import robot_in
+from kine2go_warp.dataset.store import robot_in, unpacked
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
@@ -106,7 +106,7 @@ class Motion:
         self._values: dict[str, NDArray] = {}
         try:
             self._group = zarr.open_group(path / name, mode="r")
-            self.attributes: dict[str, Any] = dict(self._group.attrs)
+            self.attributes = unpacked(self._group.attrs)
             self.arrays = {spec.name: spec for spec in _specs(self._group)}
         except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
             raise DatasetError(f"{path}/{name}: cannot be read ({error.__class__.__name__})") from None

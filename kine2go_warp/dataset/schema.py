@@ -12,10 +12,27 @@ FORMAT_VERSION = "0.3"
 
 FRAMES_NOTE = (
     "World frame: z up, metres, seconds, radians. Quaternions are (w, x, y, z), unit and continuous in time. Row t "
-    "holds the state that the policy saw at control step t and the action that it chose from it, so action[t] leads "
-    "from state[t] to state[t+1]. Forces and torques of row t are those of the physics substep that ended in state[t]; "
-    "reward[t] is what action[t] earned."
+    "holds the state that the policy saw at control step t and the action that it chose from it. Forces and torques of "
+    "row t are those of the physics substep that ended in state[t], means and peaks those of the control step that "
+    "did; reward[t] is what state[t+1] earned."
 )
+
+ACTION_RULE = (
+    "From state[t] to state[t+1] the robot takes n physics substeps, s = 0 to n - 1. In substep s the joint target of "
+    "row t + floor((s - d) / n) is in force, d being the trajectory's initial_state/delay, the latency in substeps. "
+    "So action[t] moves state[t + 1 + floor(d / n)] first, and with a latency of n substeps or more it leaves "
+    "state[t+1] as it is. State[t+1] follows from state[t] (root pose and velocities, joint positions and velocities, "
+    "friction_anchor), push[t], joint_target of the rows t - ceil(d / n) to t, and what is drawn for the "
+    "trajectory (randomization). These make the rows Markov; initial_state/target_queue has the targets from before the first row. "
+    "applied_target[t] is the target in force in the substep that ended in state[t]."
+)
+"""Which action acts when, and what of a row and its predecessors decides the next row."""
+
+COPIED = (
+    "conventions", "action_rule", "joint_names", "foot_names", "link_names", "default_joint_position", "action_scale",
+    "sdk_motor_order", "control_frequency", "physics_substeps", "stiffness", "damping",
+)  # fmt: skip
+"""Attributes of the root that every motion repeats, for readers that open a motion alone."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +53,7 @@ def per_trajectory(quantity: Quantity) -> ArraySpec:
 
 
 _FRAME = ("trajectory", "frame")
+_STEP = "the physics substeps of the control step that ended in this row's state"
 
 ROW_ARRAYS = (
     ArraySpec("root_position", (*_FRAME, "axis"), "m", "base link origin, world frame"),
@@ -47,10 +65,19 @@ ROW_ARRAYS = (
     ArraySpec("link_position", (*_FRAME, "link", "axis"), "m", "joint centres and feet, world frame"),
     ArraySpec("link_linear_velocity", (*_FRAME, "link", "axis"), "m/s", "of joint centres and feet, world frame"),
     ArraySpec("foot_contact_force", (*_FRAME, "foot", "axis"), "N", "force of the floor on the foot, world frame"),
+    ArraySpec("foot_contact_force_mean", (*_FRAME, "foot", "axis"), "N", f"the same, mean over {_STEP}"),
+    ArraySpec("foot_contact_force_peak", (*_FRAME, "foot"), "N", f"its largest size in {_STEP}"),
     ArraySpec("action", (*_FRAME, "joint"), "1", "sampled command: (joint_target - default pose) / action scale"),
     ArraySpec("action_mean", (*_FRAME, "joint"), "1", "the same for the mean of the policy's distribution"),
     ArraySpec("joint_target", (*_FRAME, "joint"), "rad", "commanded joint position"),
+    ArraySpec("applied_target", (*_FRAME, "joint"), "rad", "joint target in force in the last physics substep"),
     ArraySpec("joint_torque", (*_FRAME, "joint"), "N m", "torque applied in the last physics substep"),
+    ArraySpec("joint_torque_mean", (*_FRAME, "joint"), "N m", f"torque, mean over {_STEP}"),
+    ArraySpec("joint_torque_peak", (*_FRAME, "joint"), "N m", f"largest size of the torque in {_STEP}"),
+    ArraySpec("torque_usage", (*_FRAME, "joint"), "1", f"largest share of the motor's torque at its speed in {_STEP}"),
+    ArraySpec("joint_power_mean", (*_FRAME, "joint"), "W", f"torque times velocity, mean over {_STEP}"),
+    ArraySpec("joint_power_peak", (*_FRAME, "joint"), "W", f"largest size of torque times velocity in {_STEP}"),
+    ArraySpec("friction_anchor", (*_FRAME, "joint"), "rad", "joint position where the friction's spring is slack"),
     ArraySpec("leg_contact", _FRAME, "1", "1 where a thigh or calf touches the ground, else 0"),
     ArraySpec("leg_distance", _FRAME, "m", "least distance of a leg from another, the trunk or the head; < 0: overlap"),
     ArraySpec("push", (*_FRAME, "axis"), "m/s", "velocity that a push adds to the base right after this row, world"),

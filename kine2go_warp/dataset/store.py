@@ -1,5 +1,7 @@
 """What lies at a path: whether it is a dataset that this version reads, and which motions it holds."""
 
+import contextlib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,28 @@ import zarr
 from kine2go_warp.dataset.schema import FORMAT_VERSION
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
+
+NESTED = (
+    "fidelity", "rejected", "borderline", "environment_settings", "model_parts", "gather_settings",
+    "training_settings",
+)  # fmt: skip
+"""Attributes of a motion that are records or lists, each kept as a text of JSON: netCDF and many readers know numbers,
+texts and lists of them alone."""
+
+
+def packed(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes of a motion as they are stored."""
+    return {name: json.dumps(value) if name in NESTED else value for name, value in attributes.items()}
+
+
+def unpacked(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return stored attributes of a motion as they were before ``packed``; a damaged text stays a text."""
+    known = dict(attributes)
+    for name in NESTED:
+        if isinstance(known.get(name), str):
+            with contextlib.suppress(ValueError):
+                known[name] = json.loads(known[name])
+    return known
 
 
 def motion_names(path: Path) -> list[str]:

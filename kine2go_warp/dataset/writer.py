@@ -17,6 +17,7 @@ from zarr.storage import MemoryStore
 
 from kine2go_warp import __version__
 from kine2go_warp.dataset.schema import (
+    ACTION_RULE,
     FORMAT_VERSION,
     FRAMES_NOTE,
     REASON,
@@ -29,7 +30,7 @@ from kine2go_warp.dataset.schema import (
     reward_labels,
 )
 from kine2go_warp.dataset.staging import StagingArea
-from kine2go_warp.dataset.store import check_version, motion_folders
+from kine2go_warp.dataset.store import check_version, motion_folders, packed, unpacked
 from kine2go_warp.dataset.trajectories import Rollouts, padded
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import flush_folder, link_or_copy, same_bytes
@@ -90,7 +91,7 @@ class DatasetWriter:
         if not (self.path / motion / "zarr.json").is_file():
             return {}
         try:
-            return dict(zarr.open_group(self.path / motion, mode="r").attrs)
+            return unpacked(zarr.open_group(self.path / motion, mode="r").attrs)
         except Exception:  # noqa: BLE001 - damaged metadata raises errors of many kinds
             return {}
 
@@ -118,8 +119,9 @@ class DatasetWriter:
         staging = self._area.folder("new", motion)
         shutil.rmtree(staging, ignore_errors=True)
         frame_duration = 1.0 / simulation.control_frequency
+        whole = {**robot_attributes(self.spec), **asdict(simulation), **attributes}
         try:
-            self._write_group(staging, trajectories, frame_duration, attributes, rejected)
+            self._write_group(staging, trajectories, frame_duration, whole, rejected)
             flush_folder(staging)
             self._commit(motion, simulation)
         finally:
@@ -218,7 +220,7 @@ class DatasetWriter:
     ) -> None:
         """Write one motion as a group of its own."""
         group = zarr.open_group(folder, mode="w", zarr_format=3)
-        group.attrs.update({**attributes, "coordinates": "time"})
+        group.attrs.update({**packed(attributes), "coordinates": "time"})
         terms = reward_labels(attributes, trajectories.read_rows("reward", 0, 1).shape[-1])
         for name, labels in coordinates(self.spec, terms).items():
             write_labels(group, name, labels)
@@ -312,18 +314,13 @@ def consolidate(group: Path | MemoryStore) -> None:
 
 
 def write_labels(group: zarr.Group, name: str, labels: tuple[str, ...]) -> None:
-    """Write the labels of a dimension as its coordinate."""
+    """Write the labels of a dimension as its coordinate: texts of any length, which readers in other languages know."""
     with warnings.catch_warnings():
-        # Fixed-length text is not in the Zarr 3 core specification yet, but every reader we know takes it.
+        # Some versions of zarr say that such texts are not in the core specification of Zarr 3.
         warnings.simplefilter("ignore")
-        target = group.create_array(
-            name,
-            shape=(len(labels),),
-            dtype=f"<U{max(map(len, labels))}",
-            chunks=(len(labels),),
-            dimension_names=(name,),
-        )
-        target[...] = np.array(labels)
+        size = (len(labels),)
+        target = group.create_array(name, shape=size, dtype="string", chunks=size, dimension_names=(name,))
+        target[...] = np.array(labels, dtype=object)
 
 
 def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
@@ -334,6 +331,7 @@ def robot_attributes(spec: RobotSpec) -> dict[str, Any]:
         "software_version": __version__,
         "software_revision": revision(),
         "conventions": FRAMES_NOTE,
+        "action_rule": ACTION_RULE,
         "robot": spec.name,
         **({"robot_reference": spec.reference} if spec.defined_in else {}),
         "robot_model_sha256": spec.model_hash,

@@ -146,16 +146,15 @@ class TerrainConfig:
 class SolverConfig:
     """MuJoCo Warp's constraint solver.
 
-    The default capacities hold random falls of 256 robots with a margin: at most 32 constraint rows and 8 contacts a
-    world were seen on flat ground, 77 and 19 on steps and slopes of 15 cm.
+    The default capacity for constraints holds random falls of 256 robots with a margin: at most 32 rows a world were
+    seen on flat ground, 77 on steps and slopes of 15 cm.
     """
 
     iterations: int = 5
     line_search_iterations: int = 8
     tolerance: float = 1e-6
     max_contacts: int | None = None
-    """Capacity of the contact buffer for each world; the worlds share it. By default 24, on flat ground one for each of
-    the robot's 14 shapes."""
+    """Capacity of the contact buffer for each world; the worlds share it. By default as many as can occur."""
     max_constraints: int | None = None
     """Capacity of the constraint buffer for each world. By default 48 on flat ground, else 96."""
     friction: float = 0.8
@@ -302,11 +301,6 @@ class EnvConfig:
     def limit_anneal_steps(self) -> int:
         """Control steps within which the limits of failure fall to their values."""
         return round(self.limit_anneal_time * self.control_rate)
-
-    @property
-    def max_contacts(self) -> int:
-        """Capacity of the contact buffer for each world."""
-        return self.solver.max_contacts or (14 if self.terrain.is_flat else 24) + 10 * self.solver.self_contact
 
     @property
     def max_constraints(self) -> int:

@@ -45,6 +45,7 @@ class ImitationEnvironment:
         spec: RobotSpec | None = None,
         use_graph: bool = True,
         first_world: int = 0,
+        record_loads: bool = False,
     ) -> None:
         """Build the model, reset all worlds and capture the step.
 
@@ -55,6 +56,7 @@ class ImitationEnvironment:
             spec: The robot; by default that of the clips.
             use_graph: Capture the step as one graph. Without it every kernel is launched from Python.
             first_world: Number of the first world: several environments may share the worlds of a larger one.
+            record_loads: Whether ``simulation.loads`` are kept, which recording rollouts needs.
         """
         self.device = wp.get_device(device)
         self.config = config = config.on(str(self.device))
@@ -63,7 +65,7 @@ class ImitationEnvironment:
         with wp.ScopedDevice(self.device):
             ground = build_height_field(config.terrain, reach_of(clips, config))
             self.constants = SpecArrays.upload(spec, self.device)
-            self.simulation = Simulation(spec, config, ground, self.device)
+            self.simulation = Simulation(spec, config, ground, self.device, record_loads)
             self.motors = Motors(config, self.constants)
             self.episodes = Episodes(clips, config, ground, first_world)
             self.randomization = Randomization(config, self.simulation, self.motors)
@@ -93,16 +95,17 @@ class ImitationEnvironment:
             else:
                 self._step()
 
-    def restart(self, seed: int, first_world: int | None = None, starts: EpisodeStart | None = None) -> None:
+    def restart(self, seed: int, starts: EpisodeStart | None = None) -> None:
         """Make all worlds anew from a seed, and begin an episode in each.
 
         Args:
             seed: Seed of all worlds.
-            first_world: Number of the first one, by default that of the environment.
             starts: Where these first episodes begin; by default drawn, as for all later ones.
         """
         with wp.ScopedDevice(self.device):
-            self.episodes.restart(seed, first_world)
+            self.episodes.restart(seed)
+            self.motors.torque.zero_()
+            self.simulation.clear_loads()
             self.randomization.draw_bodies(self.views[0])
             self._reset_worlds(starts)
             self._observe()

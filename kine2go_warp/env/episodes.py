@@ -52,10 +52,9 @@ class Episodes:
         self.reason_count = wp.zeros(len(config.reason_names), dtype=int)
         self.restart(config.seed)
 
-    def restart(self, seed: int, first_world: int | None = None) -> None:
+    def restart(self, seed: int) -> None:
         """Forget everything that has happened, and end all episodes."""
-        first_world = self.first_world if first_world is None else first_world
-        self.seed.assign(world_seeds(seed, self.num_worlds, first_world))
+        self.seed.assign(world_seeds(seed, self.num_worlds, self.first_world))
         counters = (self.episode, self.reference_step, self.length, self.world_steps, self.reason_count)
         for counter in (*counters, self.time_out, self.reason):
             counter.zero_()

@@ -99,7 +99,7 @@ def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.Solve
         ls_iterations=config.solver.line_search_iterations,
         tolerance=config.solver.tolerance,
         njmax=config.max_constraints,
-        nconmax=config.max_contacts,
+        nconmax=config.solver.max_contacts or possible_contacts(model, config),
         cone="pyramidal",
         # Motor torques come from this project's kernel: an implicit integrator would have nothing to solve for.
         integrator="euler",
@@ -112,6 +112,19 @@ def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.Solve
     # Full buffers are counted and reported; with thousands of worlds, a line printed for each would hide the report.
     solver.mjw_model.opt.warn_overflow = 0
     return solver
+
+
+def possible_contacts(model: newton.Model, config: EnvConfig) -> int:
+    """Return how many contacts a world can have at most: of its robot's shapes with the ground, and with one another.
+
+    The worlds share one buffer. So sized, whether a world fits depends on no other world.
+    """
+    bodies = host_copy(model.shape_body)
+    kinds = host_copy(model.shape_type)[(bodies >= 0) & (bodies < model.body_count // config.num_worlds)]
+    on_plane = {int(newton.GeoType.SPHERE): 1, int(newton.GeoType.CAPSULE): 2}
+    ground = [on_plane.get(int(kind), 8) if config.terrain.is_flat else 4 for kind in kinds]
+    pairs = len(kinds) * (len(kinds) - 1) // 2
+    return sum(ground) + (2 * pairs if config.solver.self_contact else 0)
 
 
 def host_copy(array: Any) -> np.ndarray:

@@ -116,6 +116,8 @@ class MujocoRobot:
         self.substeps = config.substeps
         self.motors = motors or MotorState.nominal(config, spec)
         self.torque, self.friction_anchor = np.zeros(12), np.zeros(12)
+        self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12)
+        """Of the last control step: largest share of the motors' torque, and mean power [W], shape [12] each."""
         self.base = self.model.body(spec.base_link).id
         self._targets: list[NDArray] = []
 
@@ -171,6 +173,7 @@ class MujocoRobot:
         self.data.qvel[3:6] = orientation.inv().apply(angular)
         self.data.qvel[FIRST_DOF:] = joint_qd[6:]
         held = [np.asarray(joint_q[7:], np.float64)] * self.motors.delay
+        self.torque, self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12), np.zeros(12)
         anchor = joint_q[7:] if friction_anchor is None else friction_anchor
         self.friction_anchor = np.array(anchor, np.float64)
         self._targets = held if targets is None else [np.asarray(target, np.float64) for target in targets]
@@ -190,6 +193,7 @@ class MujocoRobot:
     def step(self, joint_target: NDArray) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
         motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
+        self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12)
         for _ in range(self.substeps):
             # One target a substep: the first in the queue was commanded the latency ago.
             self._targets.append(np.asarray(joint_target, np.float64))
@@ -204,3 +208,5 @@ class MujocoRobot:
             friction = np.clip(friction, -motors.friction, motors.friction)
             self.data.qfrc_applied[FIRST_DOF:] = self.torque + friction
             mujoco.mj_step(self.model, self.data)
+            self.torque_usage = np.maximum(self.torque_usage, np.abs(self.torque) / np.maximum(limit, 1e-6))
+            self.joint_power += self.torque * self.data.qvel[FIRST_DOF:] / self.substeps

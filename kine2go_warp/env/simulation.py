@@ -18,8 +18,9 @@ from kine2go_warp.env.model import (
 )
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.terrain import HeightField
-from kine2go_warp.kernels import contacts
-from kine2go_warp.kernels.state import RobotState
+from kine2go_warp.kernels import contacts, loads
+from kine2go_warp.kernels.loads import StepLoads
+from kine2go_warp.kernels.state import NUM_JOINTS, NUM_LEGS, RobotState
 from kine2go_warp.robots import RobotSpec
 
 OVERFLOW_MASK = int(
@@ -34,8 +35,18 @@ GRAVITY = 9.81
 class Simulation:
     """Steps the physics. States and contacts live in arrays that keep their addresses."""
 
-    def __init__(self, spec: RobotSpec, config: EnvConfig, ground: HeightField, device: wp.Device) -> None:
-        """Build model and solver; all robots stand in the default pose."""
+    def __init__(
+        self, spec: RobotSpec, config: EnvConfig, ground: HeightField, device: wp.Device, record_loads: bool = False
+    ) -> None:
+        """Build model and solver; all robots stand in the default pose.
+
+        Args:
+            spec: The robot.
+            config: Settings.
+            ground: The ground.
+            device: Where to simulate.
+            record_loads: Whether ``loads`` are kept, which costs some launches a substep.
+        """
         self.config, self.num_worlds = config, config.num_worlds
         self.model = build_model(spec, config, ground, device)
         self.solver = build_solver(self.model, config)
@@ -57,6 +68,7 @@ class Simulation:
         self.leg_contact = wp.zeros(self.num_worlds, dtype=int)
         self.overflow = wp.zeros(self.num_worlds, dtype=int)
         """The solver's warnings of all substeps since they were last cleared, bits of ``OVERFLOW_MASK``."""
+        self.loads = make_loads(self.num_worlds) if record_loads else None
 
     @property
     def data(self) -> Any:
@@ -76,6 +88,20 @@ class Simulation:
             self.solver.step(self.states[now], self.states[after], self.control, None, self.config.substep_duration)
             # The solver clears its own flags when the next substep begins.
             wp.launch(contacts.collect_overflow, dim=self.num_worlds, inputs=[self.data.overflow, self.overflow])
+            if self.loads is not None:
+                self.collect_contacts()
+                velocities = [self.coordinates[now][1], self.coordinates[after][1]]
+                when = [reference_step, substep, self.config.substeps, motors.model, self.loads]
+                inputs = [motors.torque, *velocities, motors.target_queue, *when]
+                wp.launch(loads.add_joint_loads, dim=motors.torque.shape, inputs=inputs)
+                inputs = [self.foot_force, substep, self.config.substeps, self.loads]
+                wp.launch(loads.add_foot_loads, dim=self.foot_force.shape, inputs=inputs)
+
+    def clear_loads(self) -> None:
+        """Forget what the robots bore in an earlier life."""
+        if self.loads is not None:
+            for name in StepLoads.vars:
+                getattr(self.loads, name).zero_()
 
     def collect_contacts(self) -> None:
         """Read foot forces and other contacts of the last substep."""
@@ -101,3 +127,13 @@ class Simulation:
     def inertia_changed(self) -> None:
         """Tell the solver that masses in the model have changed."""
         self.solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+
+
+def make_loads(num_worlds: int) -> StepLoads:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+    """Return loads that are zero."""
+    made = StepLoads()
+    for name in ("applied_target", "torque_mean", "torque_peak", "torque_usage", "power_mean", "power_peak"):
+        setattr(made, name, wp.zeros((num_worlds, NUM_JOINTS), dtype=float))
+    made.force_mean = wp.zeros((num_worlds, NUM_LEGS), dtype=wp.vec3)
+    made.force_peak = wp.zeros((num_worlds, NUM_LEGS), dtype=float)
+    return made

@@ -79,7 +79,6 @@ class MujocoRollouts:
         controller, tracks = PolicyController(self.policy, clip), []
         for index in range(len(initial.phase)):
             self.robot.set_state(initial.joint_q[index], initial.joint_qd[index])
-            self.robot.torque = np.zeros(12)
             controller.begin(float(initial.phase[index]), (0.0, 0.0), float(initial.heading[index]))
             tracks.append(self._roll_out(controller))
             if on_rollout is not None:
@@ -118,7 +117,8 @@ class MujocoRollouts:
                 root_orientation=state.root_orientation,
                 joint_position=state.joint_position,
                 joint_velocity=state.joint_velocity,
-                joint_torque=self.robot.torque,
+                torque_usage=self.robot.torque_usage,
+                joint_power_mean=self.robot.joint_power,
                 joint_target=target,
                 reference_root_position=root.position,
                 reference_root_rotation=root.rotation,

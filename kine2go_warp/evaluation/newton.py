@@ -48,7 +48,7 @@ class NewtonRollouts:
         self.config, self.num_rows = config, config.rows(record.preset.env.control_rate)
         num_worlds = config.worlds * len(noise)
         settings = config.environment(record.preset.env, randomised, num_worlds)
-        self.environment = ImitationEnvironment(clips, settings, device)
+        self.environment = ImitationEnvironment(clips, settings, device, record_loads=True)
         self.env = ImitationVecEnv(self.environment)
         self.actor = NoisyPolicy(self.env, record.preset, policy.latest_checkpoint(), config.seed)
         self.noise = torch.tensor(noise).repeat_interleave(config.worlds)[:, None].to(self.env.device)

@@ -52,7 +52,8 @@ def dataset_card(dataset: Dataset, form: str, fields: Sequence[Field], loading: 
         f"{quality_table(dataset, groups)}",
         f"## Fields with one entry a row\n\n{field_table(first, fields)}",
         f"## Fields with one entry a trajectory\n\n{trajectory_table(first, form)}",
-        f"## Conventions\n\n{dataset.attributes['conventions']}\n\n{robot_list(dataset)}",
+        f"## Conventions\n\n{dataset.attributes['conventions']} {dataset.attributes['action_rule']}\n\n"
+        f"{robot_list(dataset)}",
     ]
     return "\n\n".join(parts) + "\n"
 

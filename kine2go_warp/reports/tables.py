@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from kine2go_warp.dataset.schema import COPIED
 from kine2go_warp.scores.registry import METRICS
 from kine2go_warp.scores.statistics import Estimate
 from kine2go_warp.tables import Cell, Column, Table, number_text
@@ -23,7 +24,7 @@ HEADLINES = {
 """Figures of the scorecard, with their headings; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
-                   "coordinates", "fidelity"}  # fmt: skip
+                   "coordinates", "fidelity", *COPIED}  # fmt: skip
 """Attributes of a motion that have a place of their own on the page."""
 
 

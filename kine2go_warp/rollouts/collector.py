@@ -159,10 +159,10 @@ class RolloutCollector:
             fault_folder: If given, stop at the first fault of the simulation and save its state here.
         """
         assert config.rows is not None
-        self.config, self.num_rows, self.folder = config, config.rows, folder
+        self.config, self.num_rows, self.folder, self.motion = config, config.rows, folder, clip.name
         share_stream(device)
         settings = config.environment(record.preset.env, config.rows, config.worlds(device))
-        self.environment = ImitationEnvironment([clip], settings, device)
+        self.environment = ImitationEnvironment([clip], settings, device, record_loads=True)
         self.ground_reach = reach_of([clip], settings)
         self.env = ImitationVecEnv(self.environment, fault_folder)
         self.actor = NoisyPolicy(self.env, record.preset, policy.latest_checkpoint(), config.seed)
@@ -213,9 +213,10 @@ class RolloutCollector:
         """Run one batch of rollouts and filter it."""
         started = time.perf_counter()
         environment, config = self.environment, self.config
-        environment.restart(config.seed, number * environment.num_worlds)
-        self.actor.generator.manual_seed(config.seed + 1_000_003 * number)
-        rng = np.random.default_rng([config.seed, number])
+        worlds, actions, scales = round_seeds(config.seed, self.motion, number)
+        environment.restart(worlds)
+        self.actor.generator.manual_seed(actions)
+        rng = np.random.default_rng(scales)
         noise = rng.uniform(*config.action_noise_scale, environment.num_worlds).astype(np.float32)
         seeds = environment.episodes.seed.numpy().copy()
         writer = self._writers.enter_context(AsyncRowWriter(self.folder / f"batch-{number}"))
@@ -264,3 +265,15 @@ class RolloutCollector:
             parts.append(filter_rollouts(rows, failures, self.config, frame_duration, self.environment.spec))
         quality = {name: np.concatenate([part.quality[name] for part in parts]) for name in parts[0].quality}
         return FilterResult(tuple(reason for part in parts for reason in part.reasons), quality)
+
+
+def round_seeds(seed: int, motion: str, number: int) -> tuple[int, int, int]:
+    """Return the seeds of worlds, action noise and its scale in a round; no other motion or round has them.
+
+    Args:
+        seed: Of the settings.
+        motion: Name of the motion.
+        number: Of the round, from 0.
+    """
+    worlds, actions, scales = np.random.SeedSequence([seed, number, *motion.encode()]).generate_state(3, np.uint64)
+    return int(worlds), int(actions), int(scales)

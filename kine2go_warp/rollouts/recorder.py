@@ -14,6 +14,18 @@ from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 ROWS_ON_DEVICE = 128
 """Rows buffered on the device before they are given to the writer."""
 
+LOADS = {
+    "applied_target": "applied_target",
+    "joint_torque_mean": "torque_mean",
+    "joint_torque_peak": "torque_peak",
+    "torque_usage": "torque_usage",
+    "joint_power_mean": "power_mean",
+    "joint_power_peak": "power_peak",
+    "foot_contact_force_mean": "force_mean",
+    "foot_contact_force_peak": "force_peak",
+}
+"""Arrays of a row, and where ``StepLoads`` has them."""
+
 
 class RolloutRecorder:
     """Records every world of an environment, row by row.
@@ -22,6 +34,12 @@ class RolloutRecorder:
     """
 
     def __init__(self, environment: ImitationEnvironment, writer: AsyncRowWriter) -> None:
+        """Allocate.
+
+        Args:
+            environment: Its worlds are recorded; it was made with ``record_loads``.
+            writer: What takes the rows.
+        """
         self.environment, self.writer = environment, writer
         self._allocate()
         self._views = self._state_views()
@@ -110,7 +128,10 @@ class RolloutRecorder:
         arrays: dict[str, wp.array] = dict(zip(root + links + reference, buffers, strict=True))
         arrays["reference_joint_position"] = environment.reference.joint_position
         arrays["joint_torque"] = environment.motors.torque
+        arrays["friction_anchor"] = environment.motors.model.friction_anchor
         arrays["foot_contact_force"] = environment.simulation.foot_force
+        assert environment.simulation.loads is not None
+        arrays |= {name: getattr(environment.simulation.loads, load) for name, load in LOADS.items()}
         views = {name: wp.to_torch(array) for name, array in arrays.items()}
         views["leg_distance"] = wp.to_torch(self._leg_distance)
         views["leg_contact"] = wp.to_torch(environment.simulation.leg_contact)

@@ -79,7 +79,7 @@ def _feet_in_base(rollouts: Rollouts) -> NDArray:
 
 def _power(rollouts: Rollouts) -> NDArray:
     """Return the mechanical power [W]."""
-    return metrics.mechanical_power(rollouts.rows["joint_torque"], rollouts.rows["joint_velocity"])
+    return metrics.mechanical_power(rollouts.rows["joint_power_mean"])
 
 
 METRICS = (
@@ -146,7 +146,7 @@ METRICS = (
         "foot_slip",
         lambda r: metrics.foot_slip(contact_velocities(r.spec, r.rows), r.rows["foot_contact_force"]),
     ),
-    scored("power", "W", "mechanical power: mean over rows of the sum over joints of abs(torque x velocity)", _power),
+    scored("power", "W", "mechanical power: mean over rows of the sum over joints of abs(joint_power_mean)", _power),
     scored(
         "cost_of_transport",
         "1",
@@ -157,10 +157,7 @@ METRICS = (
     ),
     stored(
         "torque_saturation",
-        lambda r: metrics.torque_saturation(
-            r.rows["joint_torque"],
-            r.spec.motor_limits.available(r.rows["joint_torque"], r.rows["joint_velocity"]),
-        ),
+        lambda r: metrics.torque_saturation(r.rows["torque_usage"]),
     ),
     stored(
         "joint_limit",

@@ -1,5 +1,6 @@
 """The store as a consumer meets it: with xarray and nothing of this package."""
 
+import json
 import platform
 import subprocess
 import sys
@@ -121,7 +122,31 @@ def test_a_motion_is_few_files(store):
 
 def test_no_object_arrays_and_no_pickles(store):
     for _, array in zarr.open_group(store / "one", mode="r").arrays():
-        assert array.dtype.kind in "fiuU"
+        assert array.dtype.kind in "fiuT"
+        assert array.metadata.to_dict()["data_type"] in {"float32", "float64", "int32", "uint32", "string"}
+
+
+def test_no_data_type_is_unknown_outside_python(store):
+    """Types that the core specification does not name are records in the metadata; readers in other languages fail."""
+    types = [json.loads(path.read_text()).get("data_type") for path in store.rglob("zarr.json")]
+    assert {kind for kind in types if kind} == {"float32", "float64", "int32", "uint32", "string"}
+
+
+def test_a_motion_can_be_saved_as_netcdf(store, tmp_path):
+    data = xarray.open_zarr(store, group="one")
+    data.to_netcdf(tmp_path / "one.nc")
+    with xarray.open_dataset(tmp_path / "one.nc") as back:
+        assert back["joint"].values.tolist() == list(GO2.joint_names)
+        np.testing.assert_array_equal(back["action"], data["action"])
+        np.testing.assert_array_equal(back["seed"], data["seed"])
+        assert json.loads(back.attrs["rejected"]) == {"distance": 2}
+
+
+def test_a_motion_alone_says_how_to_read_it(store):
+    attributes, root = (xarray.open_zarr(store, group=group).attrs for group in ("one", None))
+    names = ("conventions", "action_rule", "joint_names", "default_joint_position", "action_scale", "stiffness",
+             "damping", "control_frequency", "physics_substeps", "robot_model_sha256", "sdk_motor_order")  # fmt: skip
+    assert {name: attributes[name] for name in names} == {name: root[name] for name in names}
 
 
 def test_the_summary_counts_what_was_rejected_in_a_review(store):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mujoco_warp import OverflowType
 
 from kine2go_warp.env.config import SolverConfig
 from kine2go_warp.env.environment import ImitationEnvironment
@@ -55,6 +56,19 @@ def test_an_overflow_of_an_early_substep_is_noticed(clip, cramped):
     environment.step()
     assert not (environment.simulation.data.overflow.numpy() & OVERFLOW_MASK).any(), "the last substep must have room"
     assert fault_counts(environment)["overflow"] == environment.num_worlds
+
+
+def test_the_pool_of_contacts_has_room_for_every_shape_of_every_world(clip, small_config):
+    """All are deep in the ground: four feet and the head, eight capsules with two ends, a box with eight corners."""
+    environment = ImitationEnvironment([clip], small_config, "cpu", use_graph=False)
+    joint_q = environment.robot.joint_q.numpy()
+    joint_q[:, 2], joint_q[:, 3:7], joint_q[:, 7:] = -1.0, (0.0, 0.0, 0.0, 1.0), np.tile([0.0, 0.9, -1.8], 4)
+    environment.robot.joint_q.assign(joint_q)
+    environment.step()
+    data = environment.simulation.data
+    assert data.nacon.numpy()[0] == environment.num_worlds * (4 + 1 + 8 * 2 + 8)
+    full = data.overflow.numpy() & int(OverflowType.NARROWPHASE | OverflowType.BROADPHASE)
+    assert not full.any()
 
 
 def test_the_default_buffers_hold_a_robot_that_falls_in_every_way(clip, small_config):

@@ -176,6 +176,13 @@ def test_impossible_settings_are_refused(changes):
         GatherConfig(**changes)
 
 
+def normalised_noise(store, motion):
+    """The action noise of all trajectories of a motion in units of its spread, and the seeds."""
+    data = open_dataset(Path(store), include_rejected=True).load(motion).trajectories
+    noise = data.rows["action"] - data.rows["action_mean"]
+    return (noise / np.nanstd(noise, axis=(1, 2), keepdims=True)).ravel(), data.draws["seed"].tolist()
+
+
 def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, standing_clip, tmp_path, capsys):
     files = []
     for one in (clip, standing_clip):
@@ -185,7 +192,7 @@ def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, stand
     on_cpu = ["--device", "cpu", "--num-worlds", "16"]
     assert main(["train", *files, "--out", policy, "--iterations", "1", "--processes", "1", *on_cpu]) == 0
     loose = [f"--{name.replace('_', '-')}={value}" for name, value in ANYTHING_GOES.items()]
-    gathering = ["gather", policy, "--out", store, "--trajectories", "4", "--rows", "30", *loose, *on_cpu]
+    gathering = ["gather", policy, "--out", store, "--trajectories", "4", "--rows", "120", *loose, *on_cpu]
     assert main([*gathering, "--motions", "standing"]) == 0
     assert DatasetWriter(Path(store), GO2).motions() == ["standing"]
     assert main(gathering) == 0
@@ -194,6 +201,11 @@ def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, stand
         lowest, highest = one.joint_position.min(axis=0), one.joint_position.max(axis=0)
         reference = rows["reference_joint_position"]
         assert np.all((reference >= lowest - 1e-5) & (reference <= highest + 1e-5)), one.name
+    noise, seeds = zip(*(normalised_noise(store, one.name) for one in (clip, standing_clip)), strict=True)
+    there = np.isfinite(noise[0]) & np.isfinite(noise[1])
+    assert there.sum() > 4 * 60 * 12
+    assert abs(np.corrcoef(noise[0][there], noise[1][there])[0, 1]) < 0.05, "motions share no draws"
+    assert not set(seeds[0]) & set(seeds[1])
     assert main([*gathering, "--motions", "hop"]) == 2
     assert "does not track 'hop'; its clips are: dog_trot, standing" in capsys.readouterr().err
     with pytest.raises(PolicyError, match="tracks several clips, name one of: dog_trot, standing"):

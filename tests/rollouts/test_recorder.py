@@ -38,7 +38,7 @@ def test_the_mean_action_is_that_of_the_deployed_rule_in_every_mode(mode, clip, 
     """The controller's rule is NumPy of its own; the recorder's comes from the motors' kernels."""
     action = ActionConfig(mode, scale=0.4, clip=0.6, latency=small_config.action.latency)
     config = replace(small_config, num_worlds=WORLDS, action=action)
-    env = ImitationVecEnv(ImitationEnvironment([clip], config, "cpu"))
+    env = ImitationVecEnv(ImitationEnvironment([clip], config, "cpu", record_loads=True))
     default = np.float32(GO2.default_joint_position)
     actor = Drawn(rng, default if mode == "absolute" else np.zeros(12, np.float32))
     with AsyncRowWriter(tmp_path / "rows") as writer:

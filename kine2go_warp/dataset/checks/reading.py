@@ -15,6 +15,7 @@ from kine2go_warp.dataset.checks.block import Block, Settings, is_rows
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.records import Finding
 from kine2go_warp.dataset.schema import reward_labels
+from kine2go_warp.dataset.store import unpacked
 from kine2go_warp.robots import RobotSpec
 
 BLOCK = 32
@@ -45,7 +46,7 @@ class StoredMotion:
             Exception: its own metadata cannot be read; of many kinds.
         """
         group = zarr.open_group(folder, mode="r", use_consolidated=False)
-        motion = cls(folder.name, dict(group.attrs), {}, set())
+        motion = cls(folder.name, unpacked(group.attrs), {}, set())
         motion._open_members(folder, "")
         return motion
 

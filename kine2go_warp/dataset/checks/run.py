@@ -1,6 +1,5 @@
 """Runs all checks on a dataset."""
 
-import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -10,13 +9,12 @@ from typing import Any
 import numpy as np
 import zarr
 
-from kine2go_warp.dataset.checks import store
+from kine2go_warp.dataset.checks import independence, store
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS, all_checks
 from kine2go_warp.dataset.checks.mistakes import diagnose
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size, motion_layout
 from kine2go_warp.dataset.checks.records import Diagnosis, Finding, Report, Result, RowCheck
-from kine2go_warp.dataset.schema import ROW_ARRAYS
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
@@ -67,8 +65,7 @@ class Run:
     results: list[Result] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     diagnoses: list[Diagnosis] = field(default_factory=list)
-    seen: dict[bytes, str] = field(default_factory=dict)
-    """What holds the trajectory of that digest."""
+    seen: independence.Independence = field(default_factory=independence.Independence)
 
     @property
     def root(self) -> dict[str, Any]:
@@ -107,9 +104,10 @@ class Run:
         """Check the rows of a motion block by block."""
         found: dict[str, list[Finding]] = {}
         applied: set[str] = set()
-        duplicates, suspect = [], None
+        duplicates, draws, suspect = [], [], None
         for block in blocks(motion, root, self.spec):
-            duplicates += self._duplicates(motion.name, block)
+            duplicates += self.seen.duplicates(motion.name, block)
+            draws += self.seen.draws(motion.name, block)
             before = sum(map(len, found.values()))
             for check in ROW_CHECKS:
                 findings = apply(check, block, motion.name)
@@ -118,7 +116,8 @@ class Run:
                     found.setdefault(check.name, []).extend(findings)
             if suspect is None and sum(map(len, found.values())) > before:
                 suspect = block
-        self._conclude(store.DUPLICATES.name, motion.name, duplicates)
+        self._conclude(independence.DUPLICATES.name, motion.name, duplicates)
+        self._conclude(independence.DRAWS.name, motion.name, draws)
         for name, _ in groupby(ROW_CHECKS, key=lambda check: check.name):
             if name in applied:
                 self._conclude(name, motion.name, found.get(name, []))
@@ -126,22 +125,6 @@ class Run:
                 self.results.append(Result(name, motion.name, "skipped"))
         if suspect is not None:
             self.diagnoses += diagnose(motion.name, suspect, ROW_CHECKS)
-
-    def _duplicates(self, motion: str, block: Block) -> list[Finding]:
-        """Return the trajectories whose rows an earlier trajectory of the dataset has, too."""
-        names = [array.name for array in ROW_ARRAYS if array.name in block]
-        found = []
-        for index in range(block.num_trajectories):
-            digest = hashlib.sha256()
-            for name in names:
-                digest.update(np.ascontiguousarray(block.stored[name][index], dtype=np.float32).tobytes())
-            number = block.first + index
-            earlier = self.seen.setdefault(digest.digest(), f"trajectory {number} of {motion}")
-            if earlier != f"trajectory {number} of {motion}":
-                found.append(
-                    Finding(store.DUPLICATES.name, motion, f"has the same rows as {earlier}", trajectory=number)
-                )
-        return found
 
     def _complain(self, check: store.Check, motion: str | None, complaints: Iterable[store.Complaint]) -> None:
         """Add what a check of the store found."""

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from kine2go_warp.dataset.checks.block import number
+from kine2go_warp.dataset.checks.independence import DRAWS, DUPLICATES
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, common_size, quietly
 from kine2go_warp.dataset.checks.records import Check, Finding
 from kine2go_warp.dataset.reviews import read_reviews
-from kine2go_warp.dataset.schema import REJECTED, ArraySpec
+from kine2go_warp.dataset.schema import COPIED, REJECTED, ArraySpec
 from kine2go_warp.dataset.writer import SimulationAttributes, robot_attributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
@@ -31,11 +32,10 @@ METADATA = Check("metadata", "dimensions, sizes, type, unit, description and fil
 LABELS = Check("labels", "names along axes, joints, links, feet and reward terms are the schema's", "exact")
 TIME = Check("time", "time is row / control frequency, trajectories are numbered 0, 1, 2, ...", "1e-09 s")
 ATTRIBUTES = Check("attributes", "origin, licence, policy and settings are there and agree with data and root", "exact")
-DUPLICATES = Check("duplicates", "no two trajectories of the dataset have the same rows", "exact")
 
 STORE_CHECKS = (ROOT, REVIEWS, INDEX)
 """Checks of the whole store."""
-MOTION_CHECKS = (READING, INDEX, ARRAYS, METADATA, LABELS, TIME, ATTRIBUTES, DUPLICATES)
+MOTION_CHECKS = (READING, INDEX, ARRAYS, METADATA, LABELS, TIME, ATTRIBUTES, DUPLICATES, DRAWS)
 """Checks of each motion."""
 
 SOFTWARE = ("software_version", "software_revision")
@@ -198,6 +198,9 @@ def check_attributes(motion: StoredMotion, root: dict[str, Any], trajectories: i
         trajectories: How many the arrays hold, None if they cannot tell.
     """
     attributes = motion.attributes
+    for name in COPIED:
+        if name in root and attributes.get(name) != root[name]:
+            yield Complaint(f"attribute {name} is {shown(attributes.get(name))}, but the root says {shown(root[name])}")
     if attributes.get("motion") != motion.name:
         yield Complaint(f"attribute motion is {shown(attributes.get('motion'))}, not '{motion.name}'")
     for name in ORIGIN:

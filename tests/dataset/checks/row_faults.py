@@ -19,6 +19,7 @@ from tests.dataset.checks.spoiling import (
     seen_from_the_base,
     several,
     swapped_joints,
+    the_noise_of_another,
     values,
 )
 
@@ -169,6 +170,13 @@ ROW_FAULTS = {
         "reward", lambda one: at((slice(None), 2), 0.5 * one[:, 2])(one), "foot position reward"
     ),
     "a figure of quality off": fault("quality/root_error", lambda one: 1.1 * one, "quality"),
+    "the seed of another trajectory": Fault(
+        lambda path: group(path)["seed"].__setitem__(TARGET, read(path, "seed")[0]),
+        "independent draws", "seed", ("seed",),
+    ),
+    "the noise of another trajectory": Fault(
+        the_noise_of_another, "independent draws", "action", ("action", "joint_target"),
+    ),
     "trajectories swapped in one array": Fault(
         lambda path: group(path)["joint_position"].__setitem__(
             ..., read(path, "joint_position")[[0, 3, 2, 1, 4]]

@@ -136,7 +136,8 @@ def attribute(name, value, motion=False):
 def stricter_limits(path):
     """Say in the attributes that accepted rollouts track their joints within a thousandth of a radian."""
     attributes = group(path).attrs
-    attributes["gather_settings"] = {**attributes["gather_settings"], "max_joint_rmse": 1e-3}
+    settings = {**json.loads(attributes["gather_settings"]), "max_joint_rmse": 1e-3}
+    attributes["gather_settings"] = json.dumps(settings)
 
 
 def metadata(name, **changes):
@@ -204,3 +205,11 @@ def push_along_the_floor(one):
 
 def swapped_joints(one):
     return one[:, SDK]
+
+
+def the_noise_of_another(path):
+    """Give the spoiled trajectory the action noise of the first one."""
+    mean, scale = read(path, "action_mean"), GO2.action_scale
+    action = mean[TARGET] + read(path, "action")[0] - mean[0]
+    values("action", lambda _: action)(path)
+    values("joint_target", lambda _: action * scale + np.float32(GO2.default_joint_position))(path)

@@ -2,6 +2,7 @@
 
 import shutil
 
+from kine2go_warp.robots import GO2
 from tests.dataset.checks.spoiling import (
     MOTION,
     Fault,
@@ -54,8 +55,9 @@ STORE_FAULTS = {
     "permuted labels": Fault(
         rewritten("foot", lambda one: one[[1, 0, 3, 2]]), "labels", "foot", others=INDEX
     ),
-    "another default pose": Fault(attribute("default_joint_position", [0.0] * 12), "root attributes", None),
-    "another action scale": Fault(attribute("action_scale", 0.5), "root attributes", None),
+    "another default pose": Fault(attribute("default_joint_position", [0.0] * 12), "root attributes", None,
+                                  others=("attributes",)),
+    "another action scale": Fault(attribute("action_scale", 0.5), "root attributes", None, others=("attributes",)),
     "another robot model": Fault(attribute("robot_model_sha256", "0" * 64), "root attributes", None),
     "another control frequency": Fault(
         attribute("control_frequency", 50.0), "attributes", None,
@@ -63,14 +65,17 @@ STORE_FAULTS = {
                 "foot position reward", "root pose reward"),
     ),
     "damaged file of reviews": Fault(lambda path: (path / "verdicts.json").write_text("{"), "reviews", None),
-    "no gains": Fault(attribute("stiffness", None), "root attributes", None),
+    "no gains": Fault(attribute("stiffness", None), "root attributes", None, others=("attributes",)),
+    "a motion with another joint order": Fault(
+        attribute("joint_names", list(GO2.sdk_motor_order), motion=True), "attributes", None, others=INDEX
+    ),
     "another number accepted": Fault(attribute("accepted", 4, motion=True), "attributes", None, others=INDEX),
     "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None, others=INDEX),
     "no licence": Fault(attribute("licence", "", motion=True), "attributes", None, others=INDEX),
     "limits that the rollouts break": Fault(stricter_limits, "acceptance", "joint_position", others=INDEX),
     "copied trajectory": Fault(
         copied_trajectory, "duplicates", None,
-        others=("start phase", "reference heading", "reference path", "quality"),
+        others=("start phase", "reference heading", "reference path", "quality", "independent draws"),
     ),
 }  # fmt: skip
 """Faults of the store and of what describes it."""
