@@ -19,6 +19,8 @@ class StepLoads:
     """Largest size [N m]."""
     torque_usage: wp.array2d(dtype=float)
     """Largest share of the torque that the motor can give at the joint's speed."""
+    torque_at_limit: wp.array2d(dtype=float)
+    """Share of the substeps in which the torque is that large."""
     power_mean: wp.array2d(dtype=float)
     """Torque times the velocity that it leads to, which is the work done by the duration [W]."""
     power_peak: wp.array2d(dtype=float)
@@ -39,17 +41,20 @@ def add_joint_loads(
     substep: int,
     substeps: int,
     motors: MotorModel,
+    saturation: float,
     loads: StepLoads,
 ):
     """Add a substep's torques. Launched over [num_worlds, 12] after it; the first one begins anew.
 
-    ``joint_qd_before`` is what the motors saw, ``joint_qd`` what the substep led to.
+    ``joint_qd_before`` is what the motors saw, ``joint_qd`` what the substep led to. A torque above
+    the share ``saturation`` of the motor's largest is at its limit.
     """
     world, joint = wp.tid()
     if substep == 0:
         loads.torque_mean[world, joint] = 0.0
         loads.torque_peak[world, joint] = 0.0
         loads.torque_usage[world, joint] = 0.0
+        loads.torque_at_limit[world, joint] = 0.0
         loads.power_mean[world, joint] = 0.0
         loads.power_peak[world, joint] = 0.0
     slot = delayed_slot(reference_step[world], substep, substeps, motors.delay[world], queue.shape[1])
@@ -60,8 +65,12 @@ def add_joint_loads(
     share = 1.0 / float(substeps)
     loads.torque_mean[world, joint] += share * applied
     loads.torque_peak[world, joint] = wp.max(loads.torque_peak[world, joint], wp.abs(applied))
-    usage = wp.abs(applied) / wp.max(limit, 1.0e-6)
+    usage = float(1.0)
+    if limit > 0.0:
+        usage = wp.abs(applied) / limit
     loads.torque_usage[world, joint] = wp.max(loads.torque_usage[world, joint], usage)
+    if usage >= saturation:
+        loads.torque_at_limit[world, joint] += share
     loads.power_mean[world, joint] += share * power
     loads.power_peak[world, joint] = wp.max(loads.power_peak[world, joint], wp.abs(power))
 

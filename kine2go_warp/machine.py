@@ -1,5 +1,6 @@
 """The machine that something was made or measured on."""
 
+import contextlib
 import importlib.metadata
 import platform
 from datetime import UTC, datetime
@@ -7,7 +8,7 @@ from pathlib import Path
 
 from kine2go_warp.device import start_warp
 
-PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "zarr")
+PACKAGES = ("kine2go-warp", "newton", "warp-lang", "mujoco-warp", "mujoco", "torch", "rsl-rl-lib", "numpy", "zarr")
 
 
 def machine(device: str) -> dict[str, str]:
@@ -16,12 +17,16 @@ def machine(device: str) -> dict[str, str]:
 
     start_warp()
     found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
+    return {**found, **package_versions(), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the installed packages that decide what is computed."""
+    found = {}
     for package in PACKAGES:
-        try:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return {**found, "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+    return found
 
 
 def processor_name() -> str:

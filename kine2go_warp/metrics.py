@@ -68,7 +68,7 @@ FILTER_METRICS = (
              "max_leg_contact", "leg_contact", "leg contact"),
     _limited("joint_limit", "1", f"share of joint positions within {LIMIT_MARGIN:g} rad of a limit, or beyond it",
              "max_joint_limit", "joint_limit", "joint limits"),
-    _limited("torque_saturation", "1", "share of rows and joints in which a torque reached the motor's limit",
+    _limited("torque_saturation", "1", "share of the torques of all physics substeps at the motors' limit",
              "max_torque_saturation", "torque_saturation", "torque limits"),
     _limited("action_saturation", "1", "share of commanded joint targets beyond the joints' limits",
              "max_action_saturation", "action_saturation", "action limits"),
@@ -231,9 +231,9 @@ def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
     return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
 
 
-def torque_saturation(torque_usage: NDArray) -> Array:
-    """Return the share of rows and joints in which a torque reached what the motor gives at its speed."""
-    return share_per_trajectory(torque_usage >= SATURATION, torque_usage)
+def torque_saturation(torque_at_limit: NDArray) -> Array:
+    """Return the mean over rows and joints of the share of physics substeps with the motor at its limit."""
+    return mean_per_trajectory(torque_at_limit)
 
 
 def joint_limit_share(

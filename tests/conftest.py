@@ -15,6 +15,7 @@ from kine2go_warp.dataset.writer import DatasetWriter, SimulationAttributes
 from kine2go_warp.deployment.export import export_policy
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.errors import RenderError
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
@@ -28,7 +29,7 @@ from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.config import MILD, GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.quality import filter_rollouts
 from tests.walks import write_walks
@@ -126,7 +127,8 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     """Five rollouts of that policy, 150 rows each; number 2 is cut short after 130."""
     folder = tmp_path_factory.mktemp("dataset")
     # A policy after three iterations drifts far; these limits keep all of its rollouts.
-    loose = GatherConfig(trajectories=5, rows=150, **ANYTHING_GOES)
+    drawn = randomized(MILD, push_interval=(1.0, 2.0), push_speed=(0.1, 0.2))
+    loose = GatherConfig(trajectories=5, rows=150, randomization=drawn, **ANYTHING_GOES)
     gather(policy, DatasetWriter(folder / "gathered.zarr", GO2), loose, "cpu")
     motion = open_dataset(folder / "gathered.zarr", include_rejected=True).load("dog_trot")
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)

@@ -32,6 +32,8 @@ class Check:
     """The dataset, a Zarr store."""
     motions: MotionNames = ()
     """Motions to check; all if none is named."""
+    physics: bool = False
+    """Also take a step of plain MuJoCo from every fifth row and compare; some seconds a motion."""
     json: bool = False
     """Print everything as JSON: results, findings of every trajectory, diagnoses."""
 
@@ -41,6 +43,7 @@ class Check:
         from rich.progress import Progress, TextColumn
 
         from kine2go_warp.dataset import open_dataset
+        from kine2go_warp.dataset.checked import save_findings
         from kine2go_warp.dataset.checks.run import check_dataset
         from kine2go_warp.scores.report import robot_note
 
@@ -53,7 +56,9 @@ class Check:
                 dataset.robot,
                 self.motions,
                 lambda name, number, total: progress.update(task, completed=number - 1, total=total, motion=name),
+                self.physics,
             )
+        save_findings(self.dataset, report)
         if self.json:
             print(json.dumps(report.to_json(), indent=2, allow_nan=False))
         else:

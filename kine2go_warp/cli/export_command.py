@@ -26,6 +26,7 @@ class Export:
         from rich.progress import Progress
 
         from kine2go_warp.cli.tables import console
+        from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.exports.export import default_folder, export_dataset
         from kine2go_warp.tables import counted
 
@@ -44,4 +45,6 @@ class Export:
             f"{out}: {trajectories} of {motions}, {record.rows} rows, "
             f"{size:.1f} MB; what is in it and whose it is: {out / 'README.md'}"
         )
+        if note := check_note(self.dataset, record.motions):
+            output.print(f"remark: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0

@@ -23,6 +23,7 @@ class Quality:
         """Print a table a motion."""
         from kine2go_warp.cli.tables import print_distributions
         from kine2go_warp.dataset import open_dataset
+        from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.scores.distributions import distributions, draw_distributions
         from kine2go_warp.scores.report import review_note, scored_motions
 
@@ -31,8 +32,9 @@ class Quality:
         found = {name: distributions(self.dataset, name) for name in names}
         for name, figures in found.items():
             print_distributions(name, figures, dataset.motion(name).attributes)
-        if note := review_note(dataset, self.motions):
-            print(f"{self.dataset}: {note}")
+        for note in (review_note(dataset, self.motions), check_note(self.dataset, names)):
+            if note:
+                print(f"{self.dataset}: {note}")
         if self.picture is not None:
             self.picture.parent.mkdir(parents=True, exist_ok=True)
             draw_distributions(found, self.picture)

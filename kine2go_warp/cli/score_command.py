@@ -42,6 +42,7 @@ class Score:
 
         from kine2go_warp.cli.tables import console
         from kine2go_warp.dataset import open_dataset
+        from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.scores.plots import curves_of, draw
         from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
@@ -62,7 +63,8 @@ class Score:
             for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
-        for note in (review_note(dataset, self.motions), robot_note(dataset, dataset.robot)):
+        checked = check_note(self.dataset, names)
+        for note in (review_note(dataset, self.motions), robot_note(dataset, dataset.robot), checked):
             if note:
                 output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
         return 0

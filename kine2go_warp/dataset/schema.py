@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kine2go_warp.metrics import METRICS
+from kine2go_warp.metrics import CONTACT_FORCE, METRICS
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS, Quantity
 from kine2go_warp.robots import RobotSpec
 
@@ -23,7 +23,8 @@ ACTION_RULE = (
     "So action[t] moves state[t + 1 + floor(d / n)] first, and with a latency of n substeps or more it leaves "
     "state[t+1] as it is. State[t+1] follows from state[t] (root pose and velocities, joint positions and velocities, "
     "friction_anchor), push[t], joint_target of the rows t - ceil(d / n) to t, and what is drawn for the "
-    "trajectory (randomization). These make the rows Markov; initial_state/target_queue has the targets from before the first row. "
+    "trajectory (randomization). These make the rows Markov; initial_state/target_queue has the targets from before "
+    "the first row. "
     "applied_target[t] is the target in force in the substep that ended in state[t]."
 )
 """Which action acts when, and what of a row and its predecessors decides the next row."""
@@ -67,6 +68,7 @@ ROW_ARRAYS = (
     ArraySpec("foot_contact_force", (*_FRAME, "foot", "axis"), "N", "force of the floor on the foot, world frame"),
     ArraySpec("foot_contact_force_mean", (*_FRAME, "foot", "axis"), "N", f"the same, mean over {_STEP}"),
     ArraySpec("foot_contact_force_peak", (*_FRAME, "foot"), "N", f"its largest size in {_STEP}"),
+    ArraySpec("foot_contact", (*_FRAME, "foot"), "1", f"1 where foot_contact_force exceeds {CONTACT_FORCE:g} N"),
     ArraySpec("action", (*_FRAME, "joint"), "1", "sampled command: (joint_target - default pose) / action scale"),
     ArraySpec("action_mean", (*_FRAME, "joint"), "1", "the same for the mean of the policy's distribution"),
     ArraySpec("joint_target", (*_FRAME, "joint"), "rad", "commanded joint position"),
@@ -75,6 +77,7 @@ ROW_ARRAYS = (
     ArraySpec("joint_torque_mean", (*_FRAME, "joint"), "N m", f"torque, mean over {_STEP}"),
     ArraySpec("joint_torque_peak", (*_FRAME, "joint"), "N m", f"largest size of the torque in {_STEP}"),
     ArraySpec("torque_usage", (*_FRAME, "joint"), "1", f"largest share of the motor's torque at its speed in {_STEP}"),
+    ArraySpec("torque_at_limit", (*_FRAME, "joint"), "1", f"share of {_STEP} with the motor at its limit"),
     ArraySpec("joint_power_mean", (*_FRAME, "joint"), "W", f"torque times velocity, mean over {_STEP}"),
     ArraySpec("joint_power_peak", (*_FRAME, "joint"), "W", f"largest size of torque times velocity in {_STEP}"),
     ArraySpec("friction_anchor", (*_FRAME, "joint"), "rad", "joint position where the friction's spring is slack"),
@@ -86,6 +89,9 @@ ROW_ARRAYS = (
     ArraySpec("reference_root_position", (*_FRAME, "axis"), "m", "reference at the row's instant, world frame"),
     ArraySpec("reference_root_orientation", (*_FRAME, "quaternion"), "1", "reference at the row's instant, wxyz"),
     ArraySpec("reference_joint_position", (*_FRAME, "joint"), "rad", "reference at the row's instant"),
+    ArraySpec("reference_root_linear_velocity", (*_FRAME, "axis"), "m/s", "of the base link origin, world frame"),
+    ArraySpec("reference_root_angular_velocity", (*_FRAME, "axis"), "rad/s", "of the base, world frame"),
+    ArraySpec("reference_joint_velocity", (*_FRAME, "joint"), "rad/s", "reference at the row's instant"),
     ArraySpec("reference_foot_position", (*_FRAME, "foot", "axis"), "m", "reference at the row's instant, world"),
     ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms, which add up to the reward"),
 )
@@ -97,6 +103,9 @@ TRAJECTORY_ARRAYS = (
     ArraySpec("seed", ("trajectory",), "1", "seed that the rollout was drawn from", "uint32"),
     ArraySpec("start_phase", ("trajectory",), "1", "place in the cycle where the rollout began, before the trim"),
     ArraySpec("noise", ("trajectory",), "1", "noise on the actions, in standard deviations of the policy"),
+    ArraySpec(
+        "terminated", ("trajectory",), "1", "1 where it ended early, 0 where it was truncated", "int32"
+    ),
 )
 """How each rollout was drawn."""
 

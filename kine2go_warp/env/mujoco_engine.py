@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.machine import package_versions
+from kine2go_warp.metrics import SATURATION
 from kine2go_warp.robots import MotorLimits, RobotSpec
 from kine2go_warp.robots.compiled import mujoco, robot_tree
 from kine2go_warp.robots.spec import FRICTION_DAMPING, FRICTION_STIFFNESS
@@ -21,6 +23,22 @@ FIRST_DOF = 6
 
 FLOOR_FRICTION = 1e-3
 """Contacts use the larger coefficient of the two shapes, so that the robot's alone counts."""
+
+
+SIMULATION_RULES = {
+    "base": "initial_state/base_mass and base_com replace those of the base link; its inertia grows with its mass",
+    "contact": "the coefficient of a contact is the larger of its two shapes', so that initial_state/friction counts",
+    "motors": "torque = strength * (stiffness * (target + motor_offset - position) - damping * velocity), kept within "
+    "motor_limits: against the motion within braking; with it within driving, which falls from full_torque_speed to "
+    "none at no_load_speed",
+    "joint_friction": "a spring and damper whose torque is at most joint_friction; beyond that its anchor slides along",
+    "order": "before each substep motors and friction are computed from the state that it begins with; a push is added "
+    "to the base's velocity before the first substep",
+    "latency": "in substep s of row t the target of row t + floor((s - delay) / substeps) is in force",
+    "queue": "initial_state/target_queue holds the target of control step k, counted as reference_step is, in slot "
+    "k modulo its length",
+}
+"""How the numbers of a simulation record are used."""
 
 
 def world_tree(spec: RobotSpec, config: EnvConfig) -> Any:
@@ -46,6 +64,50 @@ def world_tree(spec: RobotSpec, config: EnvConfig) -> Any:
     # Joints have no damping that Euler's integrator would have to solve for.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     return tree
+
+
+def robot_xml(spec: RobotSpec, config: EnvConfig) -> str:
+    """Return the robot on a plane with the solver's options as MJCF."""
+    tree = world_tree(spec, config)
+    tree.compile()
+    return tree.to_xml()
+
+
+def simulation_record(spec: RobotSpec, config: EnvConfig) -> dict[str, Any]:
+    """Return what is needed besides ``robot_xml`` to simulate the robot without this package.
+
+    Numbers are read from the compiled model, so that they are those of ``robot_xml``.
+    """
+    model = mujoco_model(spec, config)
+    option, joint, ground = model.opt, model.joint(spec.joint_names[0]), model.geom("ground")
+    return {
+        "engine": "MuJoCo Warp through Newton, in single precision",
+        "packages": package_versions(),
+        "timestep": config.substep_duration,
+        "substeps": config.substeps,
+        "integrator": mujoco.mjtIntegrator(option.integrator).name,
+        "implicit_joint_damping": False,
+        "solver": mujoco.mjtSolver(option.solver).name,
+        "cone": mujoco.mjtCone(option.cone).name,
+        "iterations": int(option.iterations),
+        "line_search_iterations": int(option.ls_iterations),
+        "tolerance": float(option.tolerance),
+        "gravity": option.gravity.tolist(),
+        "ground": config.terrain.kind,
+        "contact_dimensions": int(ground.condim[0]),
+        "contact_solref": ground.solref.tolist(),
+        "contact_solimp": ground.solimp.tolist(),
+        "self_contact": config.solver.self_contact,
+        "base_link": spec.base_link,
+        "armature": spec.armature,
+        "joint_lower": list(spec.joint_lower),
+        "joint_upper": list(spec.joint_upper),
+        "stop_solref": model.jnt_solref[joint.id].tolist(),
+        "motor_limits": {name: list(values) for name, values in vars(config.motor.limits(spec)).items()},
+        "friction_stiffness": FRICTION_STIFFNESS,
+        "friction_damping": FRICTION_DAMPING,
+        "rules": SIMULATION_RULES,
+    }
 
 
 def mujoco_model(spec: RobotSpec, config: EnvConfig) -> Any:
@@ -116,8 +178,8 @@ class MujocoRobot:
         self.substeps = config.substeps
         self.motors = motors or MotorState.nominal(config, spec)
         self.torque, self.friction_anchor = np.zeros(12), np.zeros(12)
-        self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12)
-        """Of the last control step: largest share of the motors' torque, and mean power [W], shape [12] each."""
+        self.torque_at_limit, self.joint_power = np.zeros(12), np.zeros(12)
+        """Of the last control step: share of substeps with the motor at its limit, mean power [W], shape [12] each."""
         self.base = self.model.body(spec.base_link).id
         self._targets: list[NDArray] = []
 
@@ -173,7 +235,7 @@ class MujocoRobot:
         self.data.qvel[3:6] = orientation.inv().apply(angular)
         self.data.qvel[FIRST_DOF:] = joint_qd[6:]
         held = [np.asarray(joint_q[7:], np.float64)] * self.motors.delay
-        self.torque, self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12), np.zeros(12)
+        self.torque, self.torque_at_limit, self.joint_power = np.zeros((3, 12))
         anchor = joint_q[7:] if friction_anchor is None else friction_anchor
         self.friction_anchor = np.array(anchor, np.float64)
         self._targets = held if targets is None else [np.asarray(target, np.float64) for target in targets]
@@ -193,7 +255,7 @@ class MujocoRobot:
     def step(self, joint_target: NDArray) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
         motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
-        self.torque_usage, self.joint_power = np.zeros(12), np.zeros(12)
+        self.torque_at_limit, self.joint_power = np.zeros((2, 12))
         for _ in range(self.substeps):
             # One target a substep: the first in the queue was commanded the latency ago.
             self._targets.append(np.asarray(joint_target, np.float64))
@@ -208,5 +270,5 @@ class MujocoRobot:
             friction = np.clip(friction, -motors.friction, motors.friction)
             self.data.qfrc_applied[FIRST_DOF:] = self.torque + friction
             mujoco.mj_step(self.model, self.data)
-            self.torque_usage = np.maximum(self.torque_usage, np.abs(self.torque) / np.maximum(limit, 1e-6))
+            self.torque_at_limit += (np.abs(self.torque) >= SATURATION * limit) / self.substeps
             self.joint_power += self.torque * self.data.qvel[FIRST_DOF:] / self.substeps

@@ -21,6 +21,7 @@ from kine2go_warp.env.terrain import HeightField
 from kine2go_warp.kernels import contacts, loads
 from kine2go_warp.kernels.loads import StepLoads
 from kine2go_warp.kernels.state import NUM_JOINTS, NUM_LEGS, RobotState
+from kine2go_warp.metrics import SATURATION
 from kine2go_warp.robots import RobotSpec
 
 OVERFLOW_MASK = int(
@@ -91,7 +92,7 @@ class Simulation:
             if self.loads is not None:
                 self.collect_contacts()
                 velocities = [self.coordinates[now][1], self.coordinates[after][1]]
-                when = [reference_step, substep, self.config.substeps, motors.model, self.loads]
+                when = [reference_step, substep, self.config.substeps, motors.model, SATURATION, self.loads]
                 inputs = [motors.torque, *velocities, motors.target_queue, *when]
                 wp.launch(loads.add_joint_loads, dim=motors.torque.shape, inputs=inputs)
                 inputs = [self.foot_force, substep, self.config.substeps, self.loads]
@@ -132,8 +133,7 @@ class Simulation:
 def make_loads(num_worlds: int) -> StepLoads:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Return loads that are zero."""
     made = StepLoads()
-    for name in ("applied_target", "torque_mean", "torque_peak", "torque_usage", "power_mean", "power_peak"):
-        setattr(made, name, wp.zeros((num_worlds, NUM_JOINTS), dtype=float))
-    made.force_mean = wp.zeros((num_worlds, NUM_LEGS), dtype=wp.vec3)
-    made.force_peak = wp.zeros((num_worlds, NUM_LEGS), dtype=float)
+    for name in StepLoads.vars:
+        size, kind = (NUM_LEGS if name.startswith("force") else NUM_JOINTS), wp.vec3 if name == "force_mean" else float
+        setattr(made, name, wp.zeros((num_worlds, int(size)), dtype=kind))
     return made

@@ -117,7 +117,7 @@ class MujocoRollouts:
                 root_orientation=state.root_orientation,
                 joint_position=state.joint_position,
                 joint_velocity=state.joint_velocity,
-                torque_usage=self.robot.torque_usage,
+                torque_at_limit=self.robot.torque_at_limit,
                 joint_power_mean=self.robot.joint_power,
                 joint_target=target,
                 reference_root_position=root.position,

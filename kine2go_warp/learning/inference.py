@@ -52,3 +52,9 @@ class NoisyPolicy:
         mean, deviation = self.model.output_distribution_params
         sample = torch.randn(mean.shape, generator=self.generator, device=mean.device)
         return mean, mean + noise * deviation * sample
+
+    @torch.inference_mode()
+    def deviation(self, observation: TensorDict) -> torch.Tensor:
+        """Return the standard deviations of the outputs, which no observation changes, shape [12]."""
+        self.model(observation, stochastic_output=True)
+        return self.model.output_distribution_params[1][0]

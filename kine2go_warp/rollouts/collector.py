@@ -183,6 +183,14 @@ class RolloutCollector:
         """What all batches so far cost and yielded."""
         return CollectionStats.of(self.batches)
 
+    @property
+    def policy_std(self) -> list[float]:
+        """Standard deviations of the policy in units of the dataset's actions, one a joint."""
+        action, spec = self.environment.config.action, self.environment.spec
+        scale = 1.0 if action.mode == "absolute" else action.scale
+        deviation = self.actor.deviation(self.env.get_observations())
+        return (deviation.cpu().double() * scale / spec.action_scale).tolist()
+
     def accepted(self) -> CollectedRollouts:
         """Return the first rollouts that were accepted, at most as many as are wanted."""
         return self._chosen(accepted=True, most=self.config.trajectories)
@@ -245,6 +253,7 @@ class RolloutCollector:
             "start_phase": recorded.initial.phase,
             "seed": seeds,
             "noise": noise,
+            "terminated": (recorded.failure != "").astype(np.int32),
         }
         seconds = time.perf_counter() - started
         result = self._filter(recorded)

@@ -10,6 +10,7 @@ import numpy as np
 from kine2go_warp import __version__
 from kine2go_warp.dataset.writer import DatasetWriter, RejectedRollouts, SimulationAttributes
 from kine2go_warp.device import choose_device
+from kine2go_warp.env.mujoco_engine import robot_xml, simulation_record
 from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
@@ -108,6 +109,9 @@ def gather(
             "fingerprint": fingerprint,
             "environment_settings": to_dictionary(collector.environment.config),
             "ground_reach": collector.ground_reach,
+            "policy_std": collector.policy_std,
+            "simulation": simulation_record(collector.environment.spec, collector.environment.config),
+            "robot_xml": robot_xml(collector.environment.spec, collector.environment.config),
             "model_hash": collector.environment.spec.model_hash,
             "model_parts": model_parts(collector.environment.spec),
             "gather_settings": to_dictionary(config),

@@ -46,7 +46,7 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
         "largest_root_angle": np.nanmax(metrics.root_angle(rows), axis=1),
         "leg_contact": np.nanmean(rows["leg_contact"], axis=1),
         "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
-        "torque_saturation": metrics.torque_saturation(rows["torque_usage"]),
+        "torque_saturation": metrics.torque_saturation(rows["torque_at_limit"]),
         "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),
         "foot_slip": metrics.foot_slip(contact_velocities(spec, rows), rows["foot_contact_force"]),
         "joint_jerk": metrics.joint_jerk(rows["joint_velocity"], frame_duration),

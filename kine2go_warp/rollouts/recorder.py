@@ -9,6 +9,7 @@ from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.leg_distance import least_leg_distance
 from kine2go_warp.kernels.recording import record_reference, record_root
 from kine2go_warp.kernels.reference import sample_reference
+from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 
 ROWS_ON_DEVICE = 128
@@ -19,6 +20,7 @@ LOADS = {
     "joint_torque_mean": "torque_mean",
     "joint_torque_peak": "torque_peak",
     "torque_usage": "torque_usage",
+    "torque_at_limit": "torque_at_limit",
     "joint_power_mean": "power_mean",
     "joint_power_peak": "power_peak",
     "foot_contact_force_mean": "force_mean",
@@ -77,6 +79,8 @@ class RolloutRecorder:
             )
         for name, view in self._views.items():
             self._store(name, view)
+        bears = self._views["foot_contact_force"].norm(dim=-1) > CONTACT_FORCE
+        self._store("foot_contact", bears.float())
         self._store("action_mean", self._normalised(self._mean_target))
 
     def record_action(self) -> None:
@@ -127,6 +131,9 @@ class RolloutRecorder:
         buffers = self._root + self._links + self._reference
         arrays: dict[str, wp.array] = dict(zip(root + links + reference, buffers, strict=True))
         arrays["reference_joint_position"] = environment.reference.joint_position
+        arrays["reference_joint_velocity"] = environment.reference.joint_velocity
+        arrays["reference_root_linear_velocity"] = environment.reference.linear_velocity
+        arrays["reference_root_angular_velocity"] = environment.reference.angular_velocity
         arrays["joint_torque"] = environment.motors.torque
         arrays["friction_anchor"] = environment.motors.model.friction_anchor
         arrays["foot_contact_force"] = environment.simulation.foot_force

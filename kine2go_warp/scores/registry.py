@@ -157,7 +157,7 @@ METRICS = (
     ),
     stored(
         "torque_saturation",
-        lambda r: metrics.torque_saturation(r.rows["torque_usage"]),
+        lambda r: metrics.torque_saturation(r.rows["torque_at_limit"]),
     ),
     stored(
         "joint_limit",

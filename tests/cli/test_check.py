@@ -21,7 +21,7 @@ def test_a_clean_dataset_ends_with_status_0(dataset_copy, capsys):
     assert main(["check", str(dataset_copy)]) == 0
     output = capsys.readouterr().out
     assert "forward kinematics" in output
-    assert "clean; 53 checks hold, 0 do not" in output
+    assert "clean; 61 checks hold, 0 do not" in output
     assert main(["check", str(dataset_copy), "dog_trot"]) == 0
 
 

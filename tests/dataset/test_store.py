@@ -43,6 +43,7 @@ def made_up(rng, count=3, rows=20):
         "heading": rng.uniform(-3, 3, count),
         "seed": rng.integers(0, 2**32, count, dtype=np.uint32),
         "start_phase": rng.random(count),
+        "terminated": np.zeros(count, dtype=np.int32),
         "noise": np.ones(count),
     }
     sizes = {**shapes, "coordinate": 19, "velocity": 18, "slot": 3}

@@ -84,7 +84,7 @@ def test_torques_and_power_over_the_substeps_are_those_of_plain_mujoco(data, rob
         one.step(rows["joint_target"][0, row])
         differences.append([
             np.abs(one.torque - rows["joint_torque"][0, row + 1]).max(),
-            np.abs(one.torque_usage - rows["torque_usage"][0, row + 1]).max(),
+            np.abs(one.torque_at_limit - rows["torque_at_limit"][0, row + 1]).max(),
             np.abs(one.joint_power - rows["joint_power_mean"][0, row + 1]).max(),
         ])  # fmt: skip
     assert len(differences) > 20

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.schema import RewardSettings, reward_settings
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import MotorLimits
 
@@ -33,6 +34,12 @@ class Settings:
     """Whether torques end on the motors' torque-speed line; if not, at the URDF's limits."""
     friction: float | None
     """Coefficient of friction between robot and floor."""
+    is_flat: bool
+    """Whether the ground is a plane."""
+    ranges: Mapping[str, tuple[float, float]]
+    """Least and greatest value, or factor, of each parameter that is drawn or not; empty if terms share one."""
+    nominal: Mapping[str, float]
+    """Value of each parameter that is not drawn, where it is one number."""
     rewards: tuple[RewardSettings, ...]
     """The reward terms; none where the attributes do not describe them."""
     warm_up: float | None
@@ -67,6 +74,9 @@ class Settings:
             latency=number(motion, "training_settings", "env", "action", "latency"),
             torque_speed=nested(motion, "training_settings", "env", "motor", "torque_speed") is True,
             friction=number(motion, "training_settings", "env", "solver", "friction"),
+            is_flat=nested(motion, "environment_settings", "terrain", "kind") == "flat",
+            ranges=drawn_ranges(motion, nominal := nominal_values(root, motion)),
+            nominal=nominal,
             rewards=reward_settings(motion),
             warm_up=gathering("warm_up"),
             noise=pair(motion, "gather_settings", "action_noise_scale"),
@@ -74,6 +84,36 @@ class Settings:
             max_angle=gathering("max_angle"),
             max_joint_rmse=gathering("max_joint_rmse"),
         )
+
+
+def nominal_values(root: Mapping[str, Any], motion: Mapping[str, Any]) -> dict[str, float]:
+    """Return the value of each parameter that is one number where nothing is drawn."""
+    found = {
+        "base_mass": 0.0,
+        "base_com": 0.0,
+        "strength": 1.0,
+        "motor_offset": 0.0,
+        "stiffness": number(root, "stiffness"),
+        "damping": number(root, "damping"),
+        "friction": number(motion, "environment_settings", "solver", "friction"),
+        "latency": number(motion, "environment_settings", "action", "latency"),
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def drawn_ranges(motion: Mapping[str, Any], nominal: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return the range of each parameter, one value where it is not drawn."""
+    terms = nested(motion, "gather_settings", "randomization")
+    if not isinstance(terms, Mapping) or any(isinstance(one, Mapping) for one in terms.values()):
+        # Terms with names of their own may draw a parameter again.
+        return {}
+    operations = {one.name: one.operation for one in RANDOMIZED_PARAMETERS}
+    found = {}
+    for name, value in nominal.items():
+        drawn = pair(motion, "gather_settings", "randomization", name)
+        fixed = 1.0 if operations[name] == "scale" else value
+        found[name] = (fixed, fixed) if drawn is None else drawn
+    return found
 
 
 def nested(attributes: Mapping[str, Any], *keys: str) -> Any:
@@ -91,9 +131,9 @@ def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
     return float(value) if is_number and np.isfinite(value) else None
 
 
-def pair(attributes: Mapping[str, Any], group: str, name: str) -> tuple[float, float] | None:
+def pair(attributes: Mapping[str, Any], *keys: str) -> tuple[float, float] | None:
     """Return two numbers from nested attributes, None if they are not there."""
-    values = nested(attributes, group, name)
+    values = nested(attributes, *keys)
     if not isinstance(values, list) or len(values) != 2:
         return None
     low, high = (number({"value": value}, "value") for value in values)

@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from kine2go_warp.dataset.checks import commands, dynamics, kinematics, rows, store, tracking
+from kine2go_warp.dataset.checks import commands, drawn, dynamics, kinematics, rows, store, tracking
 from kine2go_warp.dataset.checks.records import Check, RowCheck
 from kine2go_warp.tables import make_table, markdown
 
@@ -12,8 +12,26 @@ ROW_CHECKS: tuple[RowCheck, ...] = (
     *kinematics.CHECKS,
     *commands.CHECKS,
     *tracking.CHECKS,
+    *drawn.CHECKS,
 )
 """Checks of rows, several to a name where several arrays are concerned."""
+
+PHYSICS_LIMITS = {
+    "joint_position": (1e-5, "rad"), "joint_velocity": (1e-3, "rad/s"), "root_linear_velocity": (1e-4, "m/s"),
+    "joint_torque": (1e-2, "N m"), "foot_contact_force": (0.5, "N"),
+}  # fmt: skip
+"""How far a row may be from where plain MuJoCo's step leads. Typical are 1e-7 rad, 4e-6 rad/s, 6e-8 m/s, 1e-5 N m and
+7e-5 N: what single precision leaves."""
+
+PHYSICS_STRIDE = 5
+"""Rows from one step of plain MuJoCo to the next."""
+
+PHYSICS = Check(
+    "physics",
+    f"with `--physics`: a step of plain MuJoCo from every {PHYSICS_STRIDE}th row leads to the next row, but where a "
+    "thigh or calf touches the ground (flat ground)",
+    ", ".join(f"{limit:g} {unit}" for limit, unit in PHYSICS_LIMITS.values()),
+)
 
 
 def all_checks() -> list[Check]:
@@ -23,7 +41,7 @@ def all_checks() -> list[Check]:
         members = list(group)
         limits = dict.fromkeys(member.limit for member in members)
         checks.append(Check(name, next(one.description for one in members if one.description), ", ".join(limits)))
-    return checks
+    return [*checks, PHYSICS]
 
 
 def markdown_table() -> str:

@@ -11,7 +11,7 @@ import zarr
 
 from kine2go_warp.dataset.checks import independence, store
 from kine2go_warp.dataset.checks.block import Block
-from kine2go_warp.dataset.checks.catalogue import ROW_CHECKS, all_checks
+from kine2go_warp.dataset.checks.catalogue import PHYSICS, ROW_CHECKS, all_checks
 from kine2go_warp.dataset.checks.mistakes import diagnose
 from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, blocks, common_size, motion_layout
 from kine2go_warp.dataset.checks.records import Diagnosis, Finding, Report, Result, RowCheck
@@ -25,6 +25,7 @@ def check_dataset(
     spec: RobotSpec,
     motions: tuple[str, ...] = (),
     on_motion: Callable[[str, int, int], None] | None = None,
+    physics: bool = False,
 ) -> Report:
     """Check a dataset.
 
@@ -33,6 +34,7 @@ def check_dataset(
         spec: The robot that it must be of.
         motions: Names of the motions to check; all if there is none.
         on_motion: Called with a motion's name, its number from 1, and how many there are, before it is checked.
+        physics: Also take steps of plain MuJoCo from some rows, which needs its package.
 
     Raises:
         DatasetError: there is no dataset, it is of another format version, it holds no motion, or not the one named.
@@ -44,7 +46,7 @@ def check_dataset(
         if name not in there:
             raise DatasetError(f"{path}: holds no motion '{name}'; it has: {', '.join(there)}")
     chosen = tuple(dict.fromkeys(motions)) or tuple(there)
-    run = Run(path, spec)
+    run = Run(path, spec, physics)
     run.check_store()
     for number, name in enumerate(chosen, 1):
         if on_motion is not None:
@@ -62,6 +64,7 @@ class Run:
 
     path: Path
     spec: RobotSpec
+    physics: bool = False
     results: list[Result] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     diagnoses: list[Diagnosis] = field(default_factory=list)
@@ -98,6 +101,14 @@ class Run:
             count = None
         self._complain(store.ATTRIBUTES, name, store.check_attributes(motion, root, count))
         self._check_rows(motion, root)
+        if self.physics:
+            from kine2go_warp.dataset.checks.physics import physics_findings
+
+            found = physics_findings(motion, self.spec)
+            if found is None:
+                self.results.append(Result(PHYSICS.name, name, "skipped"))
+            else:
+                self._conclude(PHYSICS.name, name, found)
         self._conclude(READABLE, name, motion.findings())
 
     def _check_rows(self, motion: StoredMotion, root: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ from tests.dataset.checks.spoiling import (
     SHORTER,
     TARGET,
     Fault,
+    added,
     at,
     centre_of_mass_velocity,
     fault,
@@ -16,8 +17,10 @@ from tests.dataset.checks.spoiling import (
     push_along_the_floor,
     read,
     reference_of_another_heading,
+    scaled,
     seen_from_the_base,
     several,
+    sunk,
     swapped_joints,
     the_noise_of_another,
     values,
@@ -177,6 +180,49 @@ ROW_FAULTS = {
     "the noise of another trajectory": Fault(
         the_noise_of_another, "independent draws", "action", ("action", "joint_target"),
     ),
+    "an initial state of zeros": Fault(
+        several(scaled("initial_state/joint_q", by=0.0), scaled("initial_state/joint_qd", by=0.0)),
+        "initial state", "initial_state/joint_q", ("initial_state/joint_q", "initial_state/joint_qd"),
+    ),
+    "the initial state of another trajectory": Fault(
+        lambda path: group(path)["initial_state/joint_q"].__setitem__(TARGET, read(path, "initial_state/joint_q")[0]),
+        "initial state", "initial_state/joint_q", ("initial_state/joint_q",),
+    ),
+    "a base heavier than was drawn": fault(
+        "initial_state/base_mass", lambda one: one + 2.0, "initial state"
+    ),
+    "a base heavier than the settings allow": Fault(
+        added("initial_state/base_mass", "randomization/base_mass", what=2.0),
+        "drawn parameters", "randomization/base_mass", ("initial_state/base_mass", "randomization/base_mass"),
+    ),
+    "half of the damping": Fault(
+        scaled("initial_state/damping", "randomization/damping", by=0.5),
+        "drawn parameters", "randomization/damping", ("initial_state/damping", "randomization/damping"),
+    ),
+    "noise levels permuted": Fault(
+        lambda path: group(path)["noise"].__setitem__(..., read(path, "noise")[::-1]),
+        "noise level", "noise", ("noise",), trajectories=(0, 1, 3, 4),
+    ),
+    "means that are the actions": Fault(
+        lambda path: values("action_mean", lambda _: read(path, "action")[TARGET])(path),
+        "noise level", "noise", ("action_mean",),
+    ),
+    "targets that were not applied": fault("applied_target", lambda one: one + 0.01, "applied target"),
+    "torques of the last substeps 1.2 times too large": Fault(
+        scaled("joint_torque", by=1.2), "peaks", "joint_torque", ("joint_torque",),
+    ),
+    "forces of the last substeps 0.7 times as large": Fault(
+        scaled("foot_contact_force", by=0.7), "mean force", "foot_contact_force", ("foot_contact_force",),
+    ),
+    "all forces 0.7 times as large": Fault(
+        scaled("foot_contact_force", "foot_contact_force_mean", "foot_contact_force_peak", by=0.7),
+        "mean force", "foot_contact_force_mean",
+        ("foot_contact_force", "foot_contact_force_mean", "foot_contact_force_peak"),
+    ),
+    "a robot that is sunk into the ground": Fault(
+        sunk, "foot depth", "link_position", ("root_position", "link_position", "initial_state/joint_q"),
+    ),
+    "legs that always touch the ground": fault("leg_contact", lambda one: 0.0 * one + 1.0, "leg contact"),
     "trajectories swapped in one array": Fault(
         lambda path: group(path)["joint_position"].__setitem__(
             ..., read(path, "joint_position")[[0, 3, 2, 1, 4]]

@@ -213,3 +213,38 @@ def the_noise_of_another(path):
     action = mean[TARGET] + read(path, "action")[0] - mean[0]
     values("action", lambda _: action)(path)
     values("joint_target", lambda _: action * scale + np.float32(GO2.default_joint_position))(path)
+
+
+def scaled(*names, by, trajectory=TARGET):
+    """Multiply arrays of the spoiled trajectory."""
+    return several(*(values(name, lambda one: by * one, trajectory) for name in names))
+
+
+def added(*names, what, trajectory=TARGET):
+    """Add a number to arrays of the spoiled trajectory."""
+    return several(*(values(name, lambda one: one + np.float32(what), trajectory) for name in names))
+
+
+def sunk(path):
+    """Lower the whole robot by two centimetres."""
+    down = np.float32([0.0, 0.0, -0.02])
+    for name in ("root_position", "link_position"):
+        values(name, lambda one: one + down)(path)
+    values("initial_state/joint_q", lambda one: one + np.float32([0.0, 0.0, -0.02] + 16 * [0.0]))(path)
+
+
+def no_pushes(path):
+    """Forget the pushes of all trajectories."""
+    assert (np.nan_to_num(read(path, "push")) != 0.0).any()
+    group(path)["push"][...] = 0.0 * read(path, "push")
+
+
+def turned_copy(path):
+    """Store the first trajectory in the spoiled one's place, too, turned by 1 rad about the z axis."""
+    copied_trajectory(path)
+    turn = Rotation.from_euler("z", 1.0)
+    for name, array in group(path).arrays():
+        if array.metadata.dimension_names[-1:] == ("axis",):
+            values(name, lambda one: turn.apply(one.reshape(-1, 3)).reshape(one.shape))(path)
+        elif array.metadata.dimension_names[-1:] == ("quaternion",):
+            values(name, lambda one: (turn * Rotation.from_quat(one[:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]])(path)

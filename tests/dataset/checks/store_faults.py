@@ -15,6 +15,7 @@ from tests.dataset.checks.spoiling import (
     stale_index,
     stricter_limits,
     truncate,
+    turned_copy,
 )
 
 INDEX = ("index",)
@@ -75,7 +76,11 @@ STORE_FAULTS = {
     "limits that the rollouts break": Fault(stricter_limits, "acceptance", "joint_position", others=INDEX),
     "copied trajectory": Fault(
         copied_trajectory, "duplicates", None,
-        others=("start phase", "reference heading", "reference path", "quality", "independent draws"),
+        others=("start phase", "reference heading", "reference path", "quality", "independent draws", "initial state"),
+    ),
+    "turned copy of a trajectory": Fault(
+        turned_copy, "duplicates", None,
+        others=("start phase", "reference heading", "reference path", "quality", "independent draws", "initial state"),
     ),
 }  # fmt: skip
 """Faults of the store and of what describes it."""
