@@ -103,9 +103,7 @@ TRAJECTORY_ARRAYS = (
     ArraySpec("seed", ("trajectory",), "1", "seed that the rollout was drawn from", "uint32"),
     ArraySpec("start_phase", ("trajectory",), "1", "place in the cycle where the rollout began, before the trim"),
     ArraySpec("noise", ("trajectory",), "1", "noise on the actions, in standard deviations of the policy"),
-    ArraySpec(
-        "terminated", ("trajectory",), "1", "1 where it ended early, 0 where it was truncated", "int32"
-    ),
+    ArraySpec("terminated", ("trajectory",), "1", "1 where it ended early, 0 where it was truncated", "int32"),
 )
 """How each rollout was drawn."""
 

@@ -44,6 +44,8 @@ class Settings:
     """The reward terms; none where the attributes do not describe them."""
     warm_up: float | None
     """Dropped from the beginning of each rollout [s]."""
+    policy_std: tuple[float, ...] | None
+    """Standard deviations of the policy's actions, one a joint."""
     noise: tuple[float, float] | None
     """Least and greatest noise on the actions, in standard deviations."""
     max_distance: float | None
@@ -79,6 +81,7 @@ class Settings:
             nominal=nominal,
             rewards=reward_settings(motion),
             warm_up=gathering("warm_up"),
+            policy_std=numbers(motion, "policy_std"),
             noise=pair(motion, "gather_settings", "action_noise_scale"),
             max_distance=gathering("max_distance"),
             max_angle=gathering("max_angle"),
@@ -131,13 +134,19 @@ def number(attributes: Mapping[str, Any], *keys: str) -> float | None:
     return float(value) if is_number and np.isfinite(value) else None
 
 
+def numbers(attributes: Mapping[str, Any], *keys: str) -> tuple[float, ...] | None:
+    """Return a list of numbers from nested attributes, None if it is not there."""
+    values = nested(attributes, *keys)
+    if not isinstance(values, list):
+        return None
+    found = [number({"value": value}, "value") for value in values]
+    return None if None in found else tuple(value for value in found if value is not None)
+
+
 def pair(attributes: Mapping[str, Any], *keys: str) -> tuple[float, float] | None:
     """Return two numbers from nested attributes, None if they are not there."""
-    values = nested(attributes, *keys)
-    if not isinstance(values, list) or len(values) != 2:
-        return None
-    low, high = (number({"value": value}, "value") for value in values)
-    return None if low is None or high is None else (low, high)
+    values = numbers(attributes, *keys)
+    return (values[0], values[1]) if values is not None and len(values) == 2 else None
 
 
 def positive(value: float | None) -> float | None:
