@@ -73,7 +73,7 @@ class StoredRobot:
 
 def trajectory(dataset: str, motion: str, index: int) -> StoredRobot:
     """Return the robot of a trajectory of a dataset."""
-    group = zarr.open_group(dataset, path=motion, mode="r")
+    group: Any = zarr.open_group(dataset, path=motion, mode="r")
     start = {name: np.asarray(array[index]) for name, array in group["initial_state"].arrays()}
     return StoredRobot(dict(group.attrs), start, {name: np.asarray(group[name][index]) for name in ROWS})
 

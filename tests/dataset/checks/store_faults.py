@@ -63,7 +63,8 @@ STORE_FAULTS = {
     "another control frequency": Fault(
         attribute("control_frequency", 50.0), "attributes", None,
         others=("time", "start phase", "root linear velocity, overall", "joint position reward",
-                "foot position reward", "root pose reward"),
+                "foot position reward", "root pose reward", "initial state", "applied target", "motor law",
+                "mean force"),
     ),
     "damaged file of reviews": Fault(lambda path: (path / "verdicts.json").write_text("{"), "reviews", None),
     "no gains": Fault(attribute("stiffness", None), "root attributes", None, others=("attributes",)),
