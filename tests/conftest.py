@@ -134,6 +134,8 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)
     trajectories = replace(motion.trajectories, draws={**motion.trajectories.draws, "length": length})
     rows = trajectories.padded().rows
+    for name, values in trajectories.groups["final_state"].items():
+        values[2] = trajectories.rows[name][2, 130]
     trajectories.groups["quality"] = filter_rollouts(rows, np.full(5, ""), loose, 1.0 / 60.0, GO2).quality
     root = zarr.open_group(folder / "gathered.zarr", mode="r").attrs
     simulation = SimulationAttributes(**{name: root[name] for name in SimulationAttributes.__dataclass_fields__})

@@ -1,4 +1,4 @@
-"""Simulates a trajectory of a dataset anew from what the store says: resimulate.py DATASET MOTION [TRAJECTORY].
+"""Simulates a trajectory of a dataset anew from what the store says: resimulate.py DATASET MOTION [TRAJECTORY [ROWS]].
 
 It needs zarr, numpy and mujoco and nothing else of this package, so that it can be copied and changed.
 """
@@ -89,5 +89,6 @@ def joint_differences(robot: StoredRobot, rows: int) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    one = trajectory(sys.argv[1], sys.argv[2], int((*sys.argv[3:], "0")[0]))
-    print(f"largest difference of a joint over 120 rows: {joint_differences(one, 120).max():.2g} rad")
+    number, length = (int(text) for text in (*sys.argv[3:], *("0", "120")[len(sys.argv) - 3 :]))
+    worst = joint_differences(trajectory(sys.argv[1], sys.argv[2], number), length).max()
+    print(f"largest difference of a joint over {length} rows: {worst:.2g} rad")

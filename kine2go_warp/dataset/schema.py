@@ -138,10 +138,17 @@ INITIAL_STATE_ARRAYS = (
 )
 """Everything that simulator and motors need to go on from the first kept row."""
 
+FINAL_STATE_ARRAYS = tuple(
+    ArraySpec(one.name, ("trajectory", *one.dims[2:]), one.unit, f"{one.description}; after the last row's action")
+    for one in ROW_ARRAYS[:6]
+)
+"""State that the last row's control step led to, so that T rows are T transitions; NaN where a rollout ended early."""
+
 SUB_GROUPS = {
     "quality": QUALITY_ARRAYS,
     "randomization": RANDOMIZATION_ARRAYS,
     "initial_state": INITIAL_STATE_ARRAYS,
+    "final_state": FINAL_STATE_ARRAYS,
 }
 """Groups inside a motion's group, and their arrays."""
 

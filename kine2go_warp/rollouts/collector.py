@@ -257,7 +257,7 @@ class RolloutCollector:
         }
         seconds = time.perf_counter() - started
         result = self._filter(recorded)
-        groups["quality"] = result.quality
+        groups.update(quality=result.quality, final_state=recorded.final)
         return RolloutBatch(recorded, draws, groups, result, seconds, writer.num_bytes, writer.waited)
 
     def _initial_state(self) -> dict[str, NDArray]:

@@ -2,7 +2,9 @@
 
 import torch
 import warp as wp
+from numpy.typing import NDArray
 
+from kine2go_warp.dataset.schema import FINAL_STATE_ARRAYS
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.model import body_shapes
 from kine2go_warp.kernels.kinematics import link_states
@@ -82,6 +84,13 @@ class RolloutRecorder:
         bears = self._views["foot_contact_force"].norm(dim=-1) > CONTACT_FORCE
         self._store("foot_contact", bears.float())
         self._store("action_mean", self._normalised(self._mean_target))
+
+    def present_state(self) -> dict[str, NDArray]:
+        """Return the state of all worlds now, by the names of ``FINAL_STATE_ARRAYS``. It waits for the device."""
+        environment = self.environment
+        with wp.ScopedDevice(environment.device):
+            wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
+        return {array.name: self._views[array.name].cpu().numpy().copy() for array in FINAL_STATE_ARRAYS}
 
     def record_action(self) -> None:
         """Record the action of the step that was just made, and its rewards; completes the row."""

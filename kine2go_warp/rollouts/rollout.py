@@ -1,7 +1,7 @@
 """The one rollout loop: a policy acts in all worlds of an environment, and every control step becomes a row."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -65,6 +65,8 @@ class RecordedRollouts:
     failure: NDArray
     """Why each rollout ended early, no text if it did not, shape [num_rollouts]."""
     initial: InitialStates
+    final: dict[str, NDArray] = field(default_factory=dict)
+    """State after the last row by the names of ``FINAL_STATE_ARRAYS``, NaN for rollouts that ended early."""
     rows_simulated: int = 0
     """Rows recorded of all rollouts, those after an early end included."""
 
@@ -127,6 +129,7 @@ def roll_out(
                 break
     recorder.finish()
     writer.close()
+    final = recorder.present_state()
     counted = survived + (failure > 0).int() - warm_up
     length = counted.clamp(min=0, max=num_rows).cpu().numpy().astype(np.int32)
 
@@ -136,6 +139,11 @@ def roll_out(
         rows[:, : recorded.shape[1]] = recorded
         return padded(continuous(rows, axis=1) if name.endswith("orientation") else rows, length[chosen])
 
+    last = read("root_orientation", np.arange(env.num_envs))[:, -1]
+    orientation = final["root_orientation"]
+    final["root_orientation"] = np.where(np.sum(last * orientation, -1, keepdims=True) < 0.0, -orientation, orientation)
+    for values in final.values():
+        values[failure.cpu().numpy() > 0] = np.nan
     rows_simulated = env.num_envs * max(steps - warm_up, 0)
     reasons = np.array(environment.config.reason_names)[failure.cpu().numpy()]
-    return RecordedRollouts(writer.names, read, length, reasons, initial, rows_simulated)
+    return RecordedRollouts(writer.names, read, length, reasons, initial, final, rows_simulated)

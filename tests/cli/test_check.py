@@ -21,7 +21,7 @@ def test_a_clean_dataset_ends_with_status_0(dataset_copy, capsys):
     assert main(["check", str(dataset_copy)]) == 0
     output = capsys.readouterr().out
     assert "forward kinematics" in output
-    assert "clean; 61 checks hold, 0 do not" in output
+    assert "clean; 62 checks hold, 0 do not" in output
     assert main(["check", str(dataset_copy), "dog_trot"]) == 0
 
 
@@ -210,3 +210,29 @@ def test_many_motions_get_a_line_each(capsys):
     assert all(motion in output for motion in motions)
     assert "motion_0/phase, trajectory 2, row 9: values beyond the trajectory's length: 1 (at most 0)" in output
     assert "3 checks hold, 1 do not" in output
+
+
+def test_other_commands_say_what_check_found_in_this_content(dataset_copy, tmp_path, capsys):
+    def said(*command):
+        capsys.readouterr()
+        assert main([*command]) == 0
+        output = capsys.readouterr()
+        return " ".join((output.out + output.err).split())
+
+    quality, score = ("quality", str(dataset_copy)), ("score", str(dataset_copy))
+    export = ("export", str(dataset_copy), "--format", "npz", "--out", str(tmp_path / "out"), "--overwrite")
+    for command in (quality, score, export):
+        assert "not checked since the data were written: dog_trot" in said(*command)
+    assert main(["check", str(dataset_copy)]) == 0
+    for command in (quality, score, export):
+        assert "check" not in said(*command)
+    opened(dataset_copy)["noise"][1] = 7.0
+    assert "not checked since the data were written: dog_trot" in said(*quality)
+    assert main(["check", str(dataset_copy)]) == 1
+    for command in (quality, score, export):
+        assert "'kine2go dataset check' found faults in dog_trot (draws, noise level" in said(*command)
+
+
+def test_physics_is_checked_on_request(dataset_copy, capsys):
+    assert main(["check", str(dataset_copy), "--physics"]) == 0
+    assert "clean; 63 checks hold, 0 do not" in capsys.readouterr().out

@@ -91,6 +91,20 @@ def test_torques_and_power_over_the_substeps_are_those_of_plain_mujoco(data, rob
     assert np.all(np.median(differences, axis=0) < [1e-3, 1e-4, 1e-2]), np.median(differences, axis=0)
 
 
+def test_the_final_state_is_where_the_last_rows_step_leads(data, robot):
+    rows, final = data.trajectories.rows, data.trajectories.groups["final_state"]
+    missed = []
+    for index in (0, 1, 3, 4):
+        if rows["push"][index, 149].any() or rows["leg_contact"][index, 149]:
+            continue
+        one = robot(index, 149)
+        one.step(rows["joint_target"][index, 149])
+        missed.append(np.abs(one.data.qpos[7:] - final["joint_position"][index]).max())
+        assert np.sum(final["root_orientation"][index] * rows["root_orientation"][index, 149]) > 0.9
+    assert len(missed) > 1
+    assert np.median(missed) < 1e-5
+
+
 def test_peaks_are_at_least_what_the_last_substep_and_the_mean_show(data):
     rows = {name: values[:, 1:] for name, values in data.trajectories.rows.items()}
     force = np.linalg.norm(rows["foot_contact_force"], axis=-1)

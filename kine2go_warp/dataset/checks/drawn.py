@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.commands import SHORTEST_SAMPLE, latency_rows
+from kine2go_warp.dataset.checks.dynamics import FLOOR, PAIRS
 from kine2go_warp.dataset.checks.kinematics import CLEARANCE, GRAVITY, SHORTEST_WEIGHING
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.statistics import largest, mean, median, root_mean_square
@@ -37,6 +38,30 @@ def start_error(name: str) -> Measure:
             # The first three are the centre of mass's, the rows hold those of the base link's origin.
             state = state[:, 3:]
         return largest(np.abs(state - np.concatenate(first, axis=1)), 1)
+
+    return measure
+
+
+def final_error(position: str, velocity: str) -> Measure:
+    """Return a measure of what the velocities leave unexplained of the way from the last row to the final state, [n].
+
+    It is in parts of the trajectory's largest change of velocity, as in ``dynamics``.
+    """
+
+    def measure(block: Block) -> Array | None:
+        settings = block.settings
+        if settings.control_frequency is None or settings.physics_substeps is None:
+            return None
+        places = np.clip(block["length"].astype(int) - 1, 0, block.num_rows - 1)
+        each = np.arange(block.num_trajectories)
+        end = (settings.physics_substeps + 1) / (2 * settings.physics_substeps)
+        change = block[f"final_state/{position}"] - block[position][each, places]
+        velocities = block[velocity]
+        expected = (1.0 - end) * velocities[each, places] + end * block[f"final_state/{velocity}"]
+        yardstick = largest(np.abs(np.diff(velocities, axis=1)), 1) + FLOOR
+        left = largest(np.abs(settings.control_frequency * change - expected), 1) / yardstick
+        pushed = np.any(block["push"][each, places] != 0.0, axis=-1)
+        return np.where(pushed & position.startswith("root"), np.nan, left)
 
     return measure
 
@@ -181,6 +206,15 @@ CHECKS = (
             1e-3 if one.name == "latency" else 1e-5,
         )
         for one in RANDOMIZED_PARAMETERS
+    ),
+    *(
+        RowCheck(
+            "final state", f"final_state/{position}",
+            (f"final_state/{position}", f"final_state/{velocity}", position, velocity, "length", "push"),
+            "the state after the last row is where its velocities lead", "not where the last row's velocity leads: off",
+            final_error(position, velocity), 0.8, "of its own largest change",
+        )
+        for position, velocity in (PAIRS[0], PAIRS[2])
     ),
     *(
         RowCheck(

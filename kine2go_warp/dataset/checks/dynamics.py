@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.statistics import flat, largest, mean
+from kine2go_warp.dataset.checks.statistics import flat, largest, mean, root_mean_square
 from kine2go_warp.rotations import rotation_between
 
 Array = NDArray[np.float64]
@@ -53,16 +53,18 @@ def remainder(block: Block, position: str, velocity: str) -> Array | None:
 
 
 def overall(position: str, velocity: str) -> Measure:
-    """Return a measure of the mean remainder of trajectories, in parts of the velocity's own change, shape [n].
+    """Return a measure of the remainder over whole trajectories, in parts of the velocity's own change, shape [n].
 
-    Sizes are averaged, not their squares: where a velocity hardly changes but for a few impacts, these would decide.
+    It is a root mean square, for joints the mean size: impacts stop single joints within a row, and where a joint's
+    velocity hardly changes otherwise, the squares of these few rows would decide.
     """
+    average = mean if position == "joint_position" else root_mean_square
 
     def measure(block: Block) -> Array | None:
         left = remainder(block, position, velocity)
         if left is None:
             return None
-        return mean(left, 1) / (mean(np.abs(np.diff(block[velocity], axis=1)), 1) + FLOOR)
+        return average(left, 1) / (average(np.abs(np.diff(block[velocity], axis=1)), 1) + FLOOR)
 
     return measure
 
@@ -94,7 +96,7 @@ CHECKS = tuple(
     for check in (
         RowCheck(
             f"{velocity.replace('_', ' ')}, overall", velocity, (position, velocity),
-            f"{velocity} is the change of {position}: mean over a trajectory",
+            f"{velocity} is the change of {position}: on average over a trajectory",
             f"does not explain how {position} changes: off", overall(position, velocity),
             0.3, "of its own change from row to row",
         ),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from kine2go_warp.dataset.schema import ROW_ARRAYS
 from tests.dataset.checks.spoiling import (
     ROW,
     SHORTER,
@@ -28,7 +29,7 @@ from tests.dataset.checks.spoiling import (
 
 REFERENCE = ("reference_root_position", "reference_root_orientation", "reference_foot_position")
 COMMANDS = ("action", "action_mean", "joint_target")
-JOINT_ARRAYS = ("joint_position", "joint_velocity", "joint_torque", "reference_joint_position", *COMMANDS)
+JOINT_ARRAYS = tuple(array.name for array in ROW_ARRAYS if "joint" in array.dims)
 
 ROW_FAULTS = {
     "a hole": fault("action", at(ROW, np.nan), "finite"),
@@ -187,6 +188,12 @@ ROW_FAULTS = {
     "the initial state of another trajectory": Fault(
         lambda path: group(path)["initial_state/joint_q"].__setitem__(TARGET, read(path, "initial_state/joint_q")[0]),
         "initial state", "initial_state/joint_q", ("initial_state/joint_q",),
+    ),
+    "the final state of another trajectory": Fault(
+        lambda path: group(path)["final_state/joint_position"].__setitem__(
+            TARGET, read(path, "final_state/joint_position")[0]
+        ),
+        "final state", "final_state/joint_position", ("final_state/joint_position",),
     ),
     "a base heavier than was drawn": fault(
         "initial_state/base_mass", lambda one: one + 2.0, "initial state"

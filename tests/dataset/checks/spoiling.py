@@ -188,10 +188,17 @@ def rewritten(name, function):
     return spoil
 
 
+def by_trajectory(path):
+    """Names and arrays of the motion with an entry a trajectory, those of sub-groups, too."""
+    for name, array in group(path).members(max_depth=None):
+        if isinstance(array, zarr.Array) and array.metadata.dimension_names[0] == "trajectory":
+            yield name, array
+
+
 def copied_trajectory(path):
-    """Store the first trajectory's rows in the spoiled one's place, too."""
-    for _, array in group(path).arrays():
-        if array.ndim > 1:
+    """Store the first trajectory in the spoiled one's place, too, under a seed of its own."""
+    for name, array in by_trajectory(path):
+        if name not in ("trajectory", "seed"):
             whole = array[...]
             whole[TARGET] = whole[0]
             array[...] = whole
@@ -243,8 +250,20 @@ def turned_copy(path):
     """Store the first trajectory in the spoiled one's place, too, turned by 1 rad about the z axis."""
     copied_trajectory(path)
     turn = Rotation.from_euler("z", 1.0)
-    for name, array in group(path).arrays():
-        if array.metadata.dimension_names[-1:] == ("axis",):
+    values("heading", lambda one: np.arctan2(np.sin(one + 1.0), np.cos(one + 1.0)))(path)
+    for name, array in by_trajectory(path):
+        if name.startswith(("randomization/", "initial_state/")):
+            continue
+        if array.metadata.dimension_names[-1] == "axis":
             values(name, lambda one: turn.apply(one.reshape(-1, 3)).reshape(one.shape))(path)
-        elif array.metadata.dimension_names[-1:] == ("quaternion",):
-            values(name, lambda one: (turn * Rotation.from_quat(one[:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]])(path)
+        elif array.metadata.dimension_names[-1] == "quaternion":
+            values(name, turned_quaternions)(path)
+
+
+def turned_quaternions(one):
+    """Turn orientations (w, x, y, z) by 1 rad about the z axis, with one sign for all of them."""
+    flat = (Rotation.from_euler("z", 1.0) * Rotation.from_quat(one.reshape(-1, 4)[:, [1, 2, 3, 0]])).as_quat()
+    flat = flat[:, [3, 0, 1, 2]]
+    for row in range(1, len(flat)):
+        flat[row] *= np.sign(flat[row] @ flat[row - 1])
+    return flat.reshape(one.shape)

@@ -75,13 +75,9 @@ STORE_FAULTS = {
     "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None, others=INDEX),
     "no licence": Fault(attribute("licence", "", motion=True), "attributes", None, others=INDEX),
     "limits that the rollouts break": Fault(stricter_limits, "acceptance", "joint_position", others=INDEX),
-    "copied trajectory": Fault(
-        copied_trajectory, "duplicates", None,
-        others=("start phase", "reference heading", "reference path", "quality", "independent draws", "initial state"),
-    ),
+    "copied trajectory": Fault(copied_trajectory, "duplicates", None, others=("independent draws",)),
     "turned copy of a trajectory": Fault(
-        turned_copy, "duplicates", None,
-        others=("start phase", "reference heading", "reference path", "quality", "independent draws", "initial state"),
+        turned_copy, "duplicates", None, others=("independent draws", "initial state")
     ),
 }  # fmt: skip
 """Faults of the store and of what describes it."""
