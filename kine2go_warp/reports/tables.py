@@ -24,7 +24,7 @@ HEADLINES = {
 """Figures of the scorecard, with their headings; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
-                   "coordinates", "fidelity", *COPIED}  # fmt: skip
+                   "coordinates", "fidelity", "robot_xml", *COPIED}  # fmt: skip
 """Attributes of a motion that have a place of their own on the page."""
 
 
