@@ -80,14 +80,14 @@ def late(one):
     return np.concatenate([one[:1], one[:-1]])
 
 
-def rotation(path):
-    return Rotation.from_quat(read(path, "root_orientation")[TARGET][:, [1, 2, 3, 0]])
+def rotation(path, trajectory=TARGET):
+    return Rotation.from_quat(read(path, "root_orientation")[trajectory][:, [1, 2, 3, 0]])
 
 
-def seen_from_the_base(name):
+def seen_from_the_base(name, trajectory=TARGET):
     def spoil(path):
         whole = read(path, name)
-        whole[TARGET] = rotation(path).inv().apply(whole[TARGET])
+        whole[trajectory] = rotation(path, trajectory).inv().apply(whole[trajectory])
         group(path)[name][...] = whole
 
     return spoil
