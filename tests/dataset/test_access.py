@@ -177,7 +177,7 @@ def test_wrong_names_and_sizes_are_explained(store):
         list(dataset.trajectories(["three"]))
     with pytest.raises(DatasetError, match="one: holds no row array 'torque'; it has: action, "):
         list(dataset.trajectories(arrays=["torque"]))
-    with pytest.raises(DatasetError, match="no array 'torque' of trajectories; it has: heading, "):
+    with pytest.raises(DatasetError, match="no array 'torque' of trajectories; it has: final_state/joint_position, "):
         dataset.select(where=lambda one: one.values["torque"] > 0)
     with pytest.raises(DatasetError, match="at least 1 row"):
         list(dataset.windows(0, 1))

@@ -127,6 +127,8 @@ def applied_error(block: Block) -> Array | None:
     error = np.full(block["applied_target"].shape[:2], np.nan)
     for index, latency in enumerate(block["randomization/latency"]):
         lag = latency_rows(latency, settings.physics_substeps, settings.control_frequency)
+        if lag >= block.num_rows:
+            continue
         applied, target = block["applied_target"][index, lag:], block["joint_target"][index, : block.num_rows - lag]
         error[index, lag:] = largest(np.abs(applied - target), 1)
     return error
