@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import data_folder
+from kine2go_warp.cli.data import CatalogueFile, data_folder
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -27,6 +27,7 @@ class Bench:
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
+    catalogue: CatalogueFile = None
     device: str | None = None
     """cpu or cuda; by default cuda where there is one."""
     num_worlds: int | None = None
@@ -73,7 +74,7 @@ class Bench:
             from kine2go_warp.bench.retargeting import bench_retargeting
 
             folder = data_folder(self.data)
-            entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
+            entries = [entry for entry in load_catalogue(self.catalogue).values() if entry.is_there(folder)]
             return bench_retargeting(entries, folder, self.repeats, self.robot)
 
         if stage == "load":

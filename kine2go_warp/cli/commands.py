@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.cli.data import PolicyPath, data_folder
+from kine2go_warp.cli.data import CatalogueFile, PolicyPath, data_folder
 from kine2go_warp.rollouts.config import GatherConfig
 
 
@@ -62,6 +62,7 @@ class Doctor:
 
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    catalogue: CatalogueFile = None
 
     def run(self) -> int:
         """Print what is found."""
@@ -69,5 +70,5 @@ class Doctor:
         from kine2go_warp.motions.catalogue import load_catalogue
 
         print_machine()
-        print_motions(list(load_catalogue().values()), data_folder(self.data))
+        print_motions(list(load_catalogue(self.catalogue).values()), data_folder(self.data))
         return 0

@@ -13,6 +13,9 @@ DATA_VARIABLE = "KINE2GO_DATA"
 DatasetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET")]
 PolicyPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
 ClipPaths = Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="CLIP [CLIP ...]")]
+CatalogueFile = Annotated[
+    Path | None, tyro.conf.arg(help="TOML file with motions of your own, in the form of the catalogue.")
+]
 RecipePath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECIPE")]
 MotionNames = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[MOTION ...]")]
 

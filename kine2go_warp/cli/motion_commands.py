@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import MotionNames, data_folder
+from kine2go_warp.cli.data import CatalogueFile, MotionNames, data_folder
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
@@ -45,8 +45,7 @@ class Retarget:
     """Name of the robot, or FILE.py:NAME for one of your own."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    catalogue: Path | None = None
-    """TOML file with motions of your own, in the form of the catalogue."""
+    catalogue: CatalogueFile = None
     out: Path = Path("runs/clips")
     """Folder for the clips and their report.json."""
     sheets: bool = False
@@ -159,8 +158,7 @@ class Sources:
     """Names of catalogue entries; by default all."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    catalogue: Path | None = None
-    """TOML file with motions of your own, in the form of the catalogue."""
+    catalogue: CatalogueFile = None
     url: str | None = None
     """Address below which the files lie as in the data folder; needed to fetch."""
     yes: bool = False

@@ -34,6 +34,10 @@ class Track:
             self.rows.setdefault(name, []).append(np.array(value))
 
 
+KNOWN_ENDS = ("non_finite", "overflow", "body_contact", "distance", "rotation", "time_out")
+"""Terminations that are computed here; MuJoCo's buffers grow, so that they never overflow."""
+
+
 class MujocoRollouts:
     """Lets an exported policy drive one robot after the other in plain MuJoCo."""
 
@@ -55,6 +59,8 @@ class MujocoRollouts:
         metadata = policy.metadata
         self.policy, self.config, self.spec = policy, config, robot_of(policy.clips)
         self.num_rows = config.rows(metadata.control_rate)
+        self.unknown_ends = tuple(one.name for one in trained.active_terminations if one.name not in KNOWN_ENDS)
+        """Terminations of the training that end no rollout here, as they are Warp kernels."""
         motors = MotorState(
             stiffness=np.full(12, metadata.stiffness),
             damping=np.full(12, metadata.damping),
