@@ -55,7 +55,7 @@ def run_stage(job: Job, stage: str) -> Outcome:
             return outcome("failed", f"a worker has {here} to do: its software or files differ; start the run again")
         log.write(f"{stage} begins on {job.device}: {following.why}")
         made = make(job, following, plans)
-        log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.figures}")
+        log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.metrics}")
         return outcome("done")
     except (TrainingInterrupted, StageStopped) as error:
         return outcome("stopped", str(error))
@@ -81,7 +81,7 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
             motion=job.motion,
             inputs=slot.inputs,
             output=made.output,
-            figures=made.figures,
+            metrics=made.metrics,
             seconds=round(time.monotonic() - started, 3),
             finished=datetime.now(UTC).isoformat(timespec="microseconds"),
             software=f"{__version__} {revision()}".strip(),

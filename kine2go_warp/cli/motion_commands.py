@@ -51,7 +51,7 @@ class Retarget:
     sheets: bool = False
     """Draw a picture of each clip beside it."""
     markdown: Path | None = None
-    """Write the table of figures to this file, too."""
+    """Write the table of metrics to this file, too."""
     config: tyro.conf.OmitArgPrefixes[RetargetConfig] = field(default_factory=RetargetConfig)
 
     def run(self) -> int:

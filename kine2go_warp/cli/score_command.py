@@ -18,7 +18,7 @@ HEADLINES = {
     "foot_slip": "foot slip",
     "acceptance": "accepted",
 }
-"""Figures that are shown of every motion, with their headings."""
+"""Metrics that are shown of every motion, with their headings."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Score:
     motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     json: Path | None = None
-    """Write all figures of all motions to this file."""
+    """Write all metrics of all motions to this file."""
     plots: Path | None = None
     """Draw root paths and errors over the cycle of each motion into this folder."""
     overwrite: bool = False
@@ -76,7 +76,7 @@ class Score:
         if self.plots is not None and self.plots.exists() and not self.plots.is_dir():
             raise DatasetError(f"{self.plots}: is a file; name a folder for the pictures")
         if self.json is not None and self.json.is_dir():
-            raise DatasetError(f"{self.json}: is a folder; name a file for the figures")
+            raise DatasetError(f"{self.json}: is a folder; name a file for the metrics")
         if self.overwrite:
             return
         if self.json is not None and self.json.exists():
@@ -86,7 +86,7 @@ class Score:
 
 
 def print_scores(scores: "DatasetScores", dataset: Path) -> None:
-    """Print a line for each motion, then all figures of all of them together."""
+    """Print a line for each motion, then all metrics of all of them together."""
     from kine2go_warp.cli.tables import print_table
     from kine2go_warp.scores.registry import METRICS
     from kine2go_warp.tables import Column, make_table, number_text
@@ -106,5 +106,5 @@ def print_scores(scores: "DatasetScores", dataset: Path) -> None:
         one = scores.overall[metric.name]
         interval = f"{number_text(one.low)} to {number_text(one.high)}"
         rows.append((metric.name, metric.unit, number_text(one.value), interval, metric.better))
-    headings = ("figure", "unit", "mean", "95 % interval", "better")
-    print_table(make_table(f"{dataset}: {title}", headings, rows, ("figure", "unit", "better")))
+    headings = ("metric", "unit", "mean", "95 % interval", "better")
+    print_table(make_table(f"{dataset}: {title}", headings, rows, ("metric", "unit", "better")))

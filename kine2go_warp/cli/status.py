@@ -12,8 +12,8 @@ from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.stages import STAGES
 from kine2go_warp.pipelines.workspace import Workspace, holder_of, is_locked
 
-FIGURES = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
-"""Figures of a motion that are shown, and how."""
+METRICS = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
+"""Metrics of a motion that are shown, and how."""
 
 
 @dataclass
@@ -29,7 +29,7 @@ class MotionStatus:
     """Why it would run."""
     failure: str = ""
     """Why the last run failed at this motion, if it did."""
-    figures: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
 
 
 def status_of(job: Job, is_running: bool) -> MotionStatus:
@@ -40,7 +40,7 @@ def status_of(job: Job, is_running: bool) -> MotionStatus:
         for one in plan(job):
             found.stages[one.stage.name] = cell(one)
             if one.artefact is not None:
-                found.figures.update(one.artefact.record.figures)
+                found.metrics.update(one.artefact.record.metrics)
             if one.state == "next":
                 found.next_stage, found.why = one.stage.name, one.why
                 if note is not None and note.stage == one.stage.name:
@@ -83,14 +83,14 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
     table.add_column("motion", overflow="fold")
     for stage in STAGES:
         table.add_column(stage.name, justify="right")
-    for name in FIGURES:
+    for name in METRICS:
         table.add_column(name.replace("_", "\n"), justify="right")
     for one in found:
-        figures = [form.format(one.figures[name]) if name in one.figures else "" for name, form in FIGURES.items()]
-        table.add_row(one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *figures)
+        metrics = [form.format(one.metrics[name]) if name in one.metrics else "" for name, form in METRICS.items()]
+        table.add_row(one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *metrics)
     output.print(table)
     for one in found:
-        if remarks := one.figures.get("clip_remarks"):
+        if remarks := one.metrics.get("clip_remarks"):
             line = f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}"
             output.print(line, highlight=False, markup=False, soft_wrap=True)
         if one.next_stage:

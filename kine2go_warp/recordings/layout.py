@@ -81,7 +81,7 @@ def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.H
             f"/{entity}/robot/base/trunk",
         ),
         plots,
-        rrb.TextDocumentView(name="figures", origin=f"{entity}/text"),
+        rrb.TextDocumentView(name="metrics", origin=f"{entity}/text"),
         column_shares=[10, 7, 4],
         name=f"{one.index}{share}",
     )

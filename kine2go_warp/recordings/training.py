@@ -49,7 +49,7 @@ class Worlds:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The figures of an iteration."""
+    """The metrics of an iteration."""
 
     time: float
     number: int
@@ -98,7 +98,7 @@ class TrainingRecording:
         self._seen.append(Worlds(time, rows))
 
     def on_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
-        """Take the figures of an iteration, by ``group/name``."""
+        """Take the metrics of an iteration, by ``group/name``."""
         self._seen.append(Iteration(time, iteration, curves))
 
     def _draw_until_over(self) -> None:

@@ -20,7 +20,7 @@ HEADLINES = {
     "cost_of_transport": "cost of transport",
     "acceptance": "accepted",
 }
-"""Figures of the scorecard, with their headings; all others are with each motion."""
+"""Metrics of the scorecard, with their headings; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
                    "coordinates", "fidelity"}  # fmt: skip
@@ -51,7 +51,7 @@ def scorecard(
     sizes: Mapping[str, tuple[int, float]],
     overall: Mapping[str, Estimate],
 ) -> Table:
-    """Return a line a motion with its chief figures.
+    """Return a line a motion with its chief metrics.
 
     Args:
         motions: Estimates by motion and name.
@@ -66,8 +66,8 @@ def scorecard(
         columns.append(Column(heading, "" if metric.unit == "1" else metric.unit, hint))
 
     def line(label: Cell, size: tuple[int, float], estimates: Mapping[str, Estimate]) -> tuple[Cell, ...]:
-        figures = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
-        return (label, number(size[0], "trajectories"), number(size[1], "duration"), *figures)
+        metrics = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
+        return (label, number(size[0], "trajectories"), number(size[1], "duration"), *metrics)
 
     rows = tuple(line(Cell(name, name, code=True), sizes[name], one) for name, one in motions.items())
     together = (sum(size[0] for size in sizes.values()), sum(size[1] for size in sizes.values()))
@@ -75,9 +75,9 @@ def scorecard(
     return Table(tuple(columns), rows, total)
 
 
-def all_figures(estimates: Mapping[str, Estimate]) -> Table:
-    """Return every figure of one motion with its interval and meaning."""
-    columns = (Column("figure", number=False), Column("mean"), Column("95 % interval"), Column("unit", number=False),
+def all_metrics(estimates: Mapping[str, Estimate]) -> Table:
+    """Return every metric of one motion with its interval and meaning."""
+    columns = (Column("metric", number=False), Column("mean"), Column("95 % interval"), Column("unit", number=False),
                Column("better", number=False), Column("meaning", number=False))  # fmt: skip
     rows = tuple(
         (
@@ -100,7 +100,7 @@ def fidelity(attributes: Mapping[str, Any]) -> Table:
         value = math.nan if one.get("value") is None else float(one["value"])
         texts = (Cell(str(one.get(key, ""))) for key in ("units", "description"))
         rows.append((Cell(name, name, code=True), number(value, name), *texts))
-    columns = (Column("figure", number=False), Column("value"), Column("unit", number=False))
+    columns = (Column("metric", number=False), Column("value"), Column("unit", number=False))
     return Table((*columns, Column("meaning", number=False)), tuple(rows))
 
 
@@ -119,9 +119,9 @@ def rejections(attributes: Mapping[str, Mapping[str, Any]], stored: Mapping[str,
         accepted = int(one.get("accepted", stored[name]))
         total = accepted + sum(counts[name].values())
         share = accepted / total if total else math.nan
-        figures = {"rollouts": total, "accepted": accepted, "share accepted": share}
-        figures |= {reason: counts[name].get(reason, 0) for reason in reasons}
-        rows.append((Cell(name, name, code=True), *(number(float(value), key) for key, value in figures.items())))
+        metrics = {"rollouts": total, "accepted": accepted, "share accepted": share}
+        metrics |= {reason: counts[name].get(reason, 0) for reason in reasons}
+        rows.append((Cell(name, name, code=True), *(number(float(value), key) for key, value in metrics.items())))
     return Table((Column("motion", number=False), *map(Column, columns)), tuple(rows))
 
 

@@ -1,4 +1,4 @@
-"""How the quality figures of a motion are distributed, and where the limits cut."""
+"""How the quality metrics of a motion are distributed, and where the limits cut."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +16,15 @@ from kine2go_warp.metrics import FILTER_METRICS
 
 @dataclass(frozen=True)
 class Distribution:
-    """One figure over the rollouts of a motion."""
+    """One metric over the rollouts of a motion."""
 
     name: str
     unit: str
     limit: float
     accepted: NDArray
-    """The figure of each accepted rollout."""
+    """The metric of each accepted rollout."""
     rejected: NDArray
-    """The figure of each rejected rollout that was kept and had any rows."""
+    """The metric of each rejected rollout that was kept and had any rows."""
 
     def quantile(self, share: float) -> float:
         """Return a quantile over the accepted rollouts."""
@@ -32,7 +32,7 @@ class Distribution:
 
 
 def distributions(path: Path, motion: str) -> list[Distribution]:
-    """Return the distribution of every figure that has a limit.
+    """Return the distribution of every metric that has a limit.
 
     Raises:
         DatasetError: the motion cannot be read, or does not tell its limits.
@@ -57,7 +57,7 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
 
 
 def draw_distributions(found: dict[str, list[Distribution]], path: Path) -> None:
-    """Draw a panel for each figure: every rollout of every motion as a share of the limit, and the limit."""
+    """Draw a panel for each metric: every rollout of every motion as a share of the limit, and the limit."""
     import matplotlib as mpl
 
     mpl.use("Agg")
