@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import CatalogueFile, data_folder
+from kine2go_warp.cli.data import CatalogueFile, Device, Robot, data_folder
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -28,8 +28,7 @@ class Bench:
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
     catalogue: CatalogueFile = None
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     num_worlds: int | None = None
     """Worlds simulated at once; by default 512 on a CPU and 8192 on a GPU."""
     preset: Literal["fast", "paper", "robust"] = "fast"
@@ -42,8 +41,7 @@ class Bench:
     """Rows of a rollout of gather."""
     dataset: Path | None = None
     """Dataset to load."""
-    robot: str = DEFAULT_ROBOT
-    """Name of the robot, or FILE.py:NAME for one of your own."""
+    robot: Robot = DEFAULT_ROBOT
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False

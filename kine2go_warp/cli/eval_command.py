@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import PolicyPath
+from kine2go_warp.cli.data import Device, PolicyPath
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
@@ -39,8 +39,7 @@ class Eval:
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
     overwrite: bool = False
     """Replace the file if it is there; the one in the policy folder always is."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     config: tyro.conf.OmitArgPrefixes[EvalConfig] = field(default_factory=EvalConfig)
 
     def run(self) -> int:

@@ -99,11 +99,11 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
 def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
     """Return the trajectories to look at, those closest to a limit first."""
     from rich.console import Console
-    from rich.progress import track
 
-    console = Console(stderr=True)
+    from kine2go_warp.cli.progress import tracked
+
     found: list[LimitUsage] = []
-    for motion in track(motions, "reading", console=console, transient=True, disable=not console.is_terminal):
+    for motion in tracked(motions, "reading", Console(stderr=True)):
         done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
         found += limit_usages(motion, wanted)

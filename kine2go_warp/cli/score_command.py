@@ -38,9 +38,8 @@ class Score:
 
     def run(self) -> int:
         """Score, write and draw, and print tables."""
-        from rich.progress import track
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import tracked
+        from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.scores.plots import curves_of, draw
         from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
@@ -48,9 +47,8 @@ class Score:
         dataset = open_dataset(self.dataset)
         names = scored_motions(dataset, self.motions)
         self._check_outputs()
-        output = console()
         measured, curves = [], []
-        for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
+        for name in tracked(names, "scoring"):
             data = dataset.load(name)
             measured.append(measure(data, dataset.robot))
             if self.plots is not None:
@@ -59,12 +57,12 @@ class Score:
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)
         if self.plots is not None:
-            for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
+            for one in tracked(curves, "drawing"):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
         for note in (review_note(dataset, self.motions), robot_note(dataset, dataset.robot)):
             if note:
-                output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
+                say(f"{self.dataset}: {note}")
         return 0
 
     def _check_outputs(self) -> None:

@@ -11,6 +11,7 @@ from kine2go_warp.pipelines.job import Job, read_progress
 from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.stages import STAGES
 from kine2go_warp.pipelines.workspace import Workspace, holder_of, is_locked
+from kine2go_warp.tables import make_table
 
 METRICS = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
 """Metrics of a motion that are shown, and how."""
@@ -72,33 +73,21 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
         print(json.dumps(values, indent=2))
         return
 
-    from rich.markup import escape
-    from rich.table import Table
+    from kine2go_warp.cli.tables import print_table, say
 
-    from kine2go_warp.cli.tables import console
-
-    output = console()
     who = f", now running: {holder_of(workspace.root / '.lock')}" if running else ""
-    table = Table(title=escape(f"{workspace.root}{who}"), title_justify="left")
-    table.add_column("motion", overflow="fold")
-    for stage in STAGES:
-        table.add_column(stage.name, justify="right")
-    for name in METRICS:
-        table.add_column(name.replace("_", "\n"), justify="right")
+    headings = ("motion", *(stage.name for stage in STAGES), *(name.replace("_", " ") for name in METRICS))
+    rows = []
     for one in found:
         metrics = [form.format(one.metrics[name]) if name in one.metrics else "" for name, form in METRICS.items()]
-        table.add_row(one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *metrics)
-    output.print(table)
+        rows.append((one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *metrics))
+    print_table(make_table(f"{workspace.root}{who}", headings, rows, ("motion",)))
     for one in found:
         if remarks := one.metrics.get("clip_remarks"):
-            line = f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}"
-            output.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}")
         if one.next_stage:
-            line = f"{one.motion}: would run {one.next_stage}: {one.why}"
-            output.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(f"{one.motion}: would run {one.next_stage}: {one.why}")
         if one.failure:
-            output.print(
-                f"{one.motion}: failed last time at {one.failure}", highlight=False, markup=False, soft_wrap=True
-            )
+            say(f"{one.motion}: failed last time at {one.failure}")
     if not any(one.next_stage for one in found):
-        output.print("everything is done", highlight=False)
+        say("everything is done")

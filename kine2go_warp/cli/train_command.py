@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import ClipPaths
+from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
@@ -29,8 +29,7 @@ class Train:
     """Clips (.npz) made by 'kine2go motion retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     overwrite: bool = False
     """Start anew if the folder holds a policy of other clips or settings."""
     processes: int | None = None

@@ -9,7 +9,7 @@ from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion
 from kine2go_warp.exports.fields import Field
-from kine2go_warp.tables import counted
+from kine2go_warp.tables import counted, make_table, markdown
 
 LICENCE_IDENTIFIERS = {
     "BSD-3-Clause": "bsd-3-clause",
@@ -166,5 +166,4 @@ def shortened(columns: tuple[str, ...]) -> str:
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table in Markdown."""
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return markdown(make_table("", headings, rows)).rstrip()
