@@ -34,6 +34,5 @@ class Quality:
         if note := review_note(dataset, self.motions):
             print(f"{self.dataset}: {note}")
         if self.picture is not None:
-            self.picture.parent.mkdir(parents=True, exist_ok=True)
             draw_distributions(found, self.picture)
         return 0

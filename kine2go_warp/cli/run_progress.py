@@ -11,13 +11,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from kine2go_warp.cli.progress import FIRST_TIME_NOTES, PLAIN_INTERVAL
 from kine2go_warp.pipelines.events import Event, RunObserver
-
-PLAIN_INTERVAL = 10.0
-"""Least time between two plain lines of one motion's progress [s]."""
-
-FIRST_TIME = "preparing (kernels compile once, for a minute)"
-"""What to show of a training before its first iteration."""
 
 
 class PlainLines(RunObserver):
@@ -119,7 +114,7 @@ def observer_for(as_json: bool) -> LiveTable | PlainLines:
 def what_is_shown(event: Event) -> str:
     """Return the details of a stage, or why there are none yet."""
     if event.kind == "stage_started" or not event.total:
-        return FIRST_TIME if event.stage == "train" else ""
+        return FIRST_TIME_NOTES.get(event.stage, "")
     return event.detail
 
 

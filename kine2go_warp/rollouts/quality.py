@@ -74,7 +74,7 @@ def filter_rollouts(
         warnings.simplefilter("ignore")
         quality = rollout_quality(rows, frame_duration, spec)
     shares = {one.name: quality[one.name] / getattr(config, one.setting) for one in FILTER_METRICS}
-    quality["limit_share"] = np.max(np.stack(list(shares.values())), axis=0)
+    quality["worst_limit_ratio"] = np.max(np.stack(list(shares.values())), axis=0)
     reasons = []
     for index, failure in enumerate(failures):
         exceeded = [one.reason for one in FILTER_METRICS if not shares[one.name][index] <= 1.0]
