@@ -49,11 +49,10 @@ class CycleStep:
 def extend_cyclically(poses: Poses, cycle: CycleStep, before: int, after: int) -> Poses:
     """Continue a closed cycle by some frames on either side."""
     frames = np.arange(-before, len(poses) + after)
-    turns, index = frames // len(poses), frames % len(poses)
-    parts = [cycle.repeated(int(turn)).apply(poses.taken(index[turns == turn])) for turn in np.unique(turns)]
-    longer = parts[0]
-    for part in parts[1:]:
-        longer = longer.followed_by(part)
+    turns, index = np.divmod(frames, len(poses))
+    steps = [cycle.repeated(turn) for turn in range(int(turns[0]), int(turns[-1]) + 1)]
+    x, y, yaw = np.array([(step.x, step.y, step.yaw) for step in steps])[turns - turns[0]].T
+    longer = poses.taken(index).moved(x, y, yaw)
     return replace(longer, root_orientation=continuous(longer.root_orientation))
 
 

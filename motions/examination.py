@@ -186,10 +186,8 @@ def jumps(points: Array, size: float, rate: float) -> Mask:
     What a point is off the line between the frames beside is compared with how much its way bends just before and
     after.
     """
-    mask = np.zeros(points.shape[:2], dtype=bool)
-    bend = np.zeros(points.shape[:2])
+    mask, frames, bend = np.zeros(points.shape[:2], dtype=bool), len(points), np.zeros(points.shape[:2])
     bend[1:-1] = np.linalg.norm(points[1:-1] - 0.5 * (points[2:] + points[:-2]), axis=-1)
-    frames = len(points)
     for width in range(1, max(min(GLITCH_FRAMES, int(LONGEST_GLITCH * rate)), 1) + 1):
         first = np.arange(1, frames - width)
         if len(first) == 0:
@@ -199,11 +197,14 @@ def jumps(points: Array, size: float, rate: float) -> Mask:
             share = (inside + 1.0) / (width + 1.0)
             line = (1.0 - share) * points[first - 1] + share * points[first + width]
             off = np.minimum(off, np.linalg.norm(points[first + inside] - line, axis=-1))
+        far = off > GLITCH_SIZE * size
+        if not far.any():
+            continue
         beside = np.zeros_like(off)
         for distance in (2, 3):
             beside = np.maximum(beside, bend[np.maximum(first - distance, 0)])
             beside = np.maximum(beside, bend[np.minimum(first + width - 1 + distance, frames - 1)])
-        found = (off > GLITCH_SIZE * size) & (off > GLITCH_RATIO * (width**2 * beside + 0.01 * size))
+        found = far & (off > GLITCH_RATIO * (width**2 * beside + 0.01 * size))
         for inside in range(width):
             mask[first + inside] |= found
     return mask

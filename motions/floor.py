@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.motions.stance import median
 
 Array = NDArray[np.float64]
 
@@ -42,27 +43,23 @@ def fit_floor(motion: KeypointMotion, is_level: bool = False) -> tuple[Array, Ar
     slow &= leg_height > UPRIGHT_SHARE * np.quantile(leg_height, 0.9, axis=0)
     slow[:, ~slow.any(axis=0)] = True
     leg, frame = np.nonzero(slow.T)
-    samples = toes[frame, leg]
-    centre = np.median(samples, axis=0)
-    place, height = samples[:, :2] - centre[:2], samples[:, 2]
-    starts = np.searchsorted(leg, np.arange(4))
-    slope = np.zeros(2)
-    low = np.zeros(4)
-    spread = 0.5 * size
+    samples = np.ascontiguousarray(toes[frame, leg].T)
+    samples[:2] -= np.median(samples[:2], axis=1, keepdims=True)
+    of_leg = (np.arange(4) == leg[:, None]).astype(float)
+    slope, low, spread = np.zeros(2), np.zeros(4), 0.5 * size
     # Half a trunk of way with as many samples as there are: a slope needs more way than that to be believed.
-    ridge = len(height) * (0.5 * size) ** 2 * 0.05 * np.eye(2)
-    weight = np.ones(len(height))
+    ridge = len(leg) * (0.5 * size) ** 2 * 0.05 * np.eye(2)
+    weight = np.ones(len(leg))
     for _ in range(PASSES):
-        total = np.maximum(np.add.reduceat(weight, starts), 1e-9)[:, None]
-        centres = np.add.reduceat(weight[:, None] * place, starts) / total
-        heights = np.add.reduceat(weight * height, starts) / total[:, 0]
+        centres = (weight * samples) @ of_leg / np.maximum(weight @ of_leg, 1e-9)
+        apart = samples - np.take(centres, leg, axis=1)
         if not is_level:
-            x, z = place - centres[leg], height - heights[leg]
-            slope = np.linalg.solve((weight[:, None] * x).T @ x + ridge, (weight[:, None] * x).T @ z)
-        low = heights - centres @ slope
-        above = height - place @ slope - low[leg]
+            weighted = weight * apart[:2]
+            slope = np.linalg.solve(weighted @ apart[:2].T + ridge, weighted @ apart[2])
+        low = centres[2] - slope @ centres[:2]
+        above = apart[2] - slope @ apart[:2]
         kept = weight > 0.0
-        typical = 1.5 * float(np.median(np.abs(above[kept]))) if kept.any() else spread
+        typical = 1.5 * float(median(np.abs(above[kept]))) if kept.any() else spread
         spread = max(typical, 0.6 * spread, 0.005 * size)
         share = above / np.where(above > 0.0, 1.5 * spread, 4.0 * spread)
         weight = np.maximum(1.0 - share * share, 0.0) ** 2

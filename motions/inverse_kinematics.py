@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.body import joints_for
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import continuous, to_rotation
 
 Array = NDArray[np.float64]
@@ -49,26 +50,30 @@ class InverseKinematics:
         coordinates = np.empty((len(targets), len(self.robot.state.q)))
         coordinates[:, :3], coordinates[:, 3:7] = targets.root_position, targets.root_orientation[:, [1, 2, 3, 0]]
         coordinates[:, self.joint_slots] = joints_for(self.spec, targets)
-        residual = np.empty(len(targets))
-        for frame, (matrix, feet) in enumerate(zip(matrices, targets.feet, strict=True)):
-            self.robot.state.q = coordinates[frame]
-            residual[frame] = self._solve_frame(matrix, feet)
-            coordinates[frame] = self.robot.state.q
+        residual = np.full(len(targets), np.inf)
+        for _ in range(self.max_iterations):
+            missed = np.flatnonzero(residual >= self.tolerance)
+            if len(missed) == 0:
+                break
+            for frame in missed:
+                coordinates[frame] = self._stepped(coordinates[frame], matrices[frame], targets.feet[frame])
+            residual[missed] = self._distances(coordinates[missed], targets.feet[missed])
         # Where feet are out of reach the base gives way to them, so it is read back like the joints.
         orientation = continuous(coordinates[:, [6, 3, 4, 5]])
         return Poses(coordinates[:, :3], orientation, coordinates[:, self.joint_slots]), residual
 
-    def _solve_frame(self, base: Array, feet: Array) -> float:
-        """Solve one frame and return the largest distance of a foot from its target [m]."""
+    def _stepped(self, coordinates: Array, base: Array, feet: Array) -> Array:
+        """Return placo's coordinates of one frame after one iteration."""
+        self.robot.state.q = coordinates
         self.base_task.T_world_frame = base
         for task, target in zip(self.foot_tasks, feet, strict=True):
             task.target_world = target
         self.robot.update_kinematics()
-        error = np.inf
-        for _ in range(self.max_iterations):
-            self.solver.solve(True)
-            self.robot.update_kinematics()
-            error = max(task.error_norm() for task in self.foot_tasks)
-            if error < self.tolerance:
-                break
-        return error
+        self.solver.solve(True)
+        return self.robot.state.q
+
+    def _distances(self, coordinates: Array, feet: Array) -> Array:
+        """Return the largest distance of a foot from its target [m], shape [num_frames]."""
+        rotation = to_rotation(coordinates[:, [6, 3, 4, 5]]).as_matrix()
+        reached = np.einsum("tij,tkj->tki", rotation, foot_positions(self.spec, coordinates[:, self.joint_slots]))
+        return np.linalg.norm(reached + coordinates[:, None, :3] - feet, axis=-1).max(axis=-1)

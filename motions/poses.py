@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kine2go_warp.rotations import continuous, from_rotation, heading, to_rotation, turn_planar, yaw_rotation
 
@@ -40,14 +40,17 @@ class Poses:
             None if self.feet is None else self.feet[index],
         )
 
-    def moved(self, x: float, y: float, yaw: float) -> "Poses":
-        """Turn everything about the world's z axis by ``yaw`` [rad], then shift it by ``x`` and ``y`` [m]."""
-        shift = np.array([x, y, 0.0])
+    def moved(self, x: ArrayLike, y: ArrayLike, yaw: ArrayLike) -> "Poses":
+        """Turn everything about the world's z axis by ``yaw`` [rad], then shift it by ``x`` and ``y`` [m].
+
+        Each is one number, or has shape [num_frames].
+        """
+        shift, yaw = np.stack([x, y, np.zeros_like(x)], axis=-1), np.asarray(yaw)
         return replace(
             self,
             root_position=turn_planar(self.root_position, yaw) + shift,
             root_orientation=from_rotation(yaw_rotation(yaw) * to_rotation(self.root_orientation)),
-            feet=None if self.feet is None else turn_planar(self.feet, yaw) + shift,
+            feet=None if self.feet is None else turn_planar(self.feet, yaw[..., None]) + shift[..., None, :],
         )
 
     def recentred(self) -> "Poses":

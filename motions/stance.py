@@ -101,8 +101,10 @@ def without_short_runs(stance: Mask, frame_duration: float) -> Mask:
 
 def intervals(mask: Mask) -> list[Interval]:
     """Return the runs of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [Interval(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]
+    padded = np.zeros(len(mask) + 2, dtype=bool)
+    padded[1:-1] = mask
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return [Interval(first, end - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def hold_feet(
@@ -126,7 +128,7 @@ def hold_feet(
     for foot in range(feet.shape[1]):
         path, raw, runs = held[:, foot], feet[:, foot], intervals(kept[:, foot])
         # The animal's foot is at its own height where the robot's is on the floor.
-        low = [_median(raw[run.frames, 2]) for run in intervals(stance[:, foot])]
+        low = [median(raw[run.frames, 2]) for run in intervals(stance[:, foot])]
         for index in range(len(runs) - 1):
             swing = slice(runs[index].last, runs[index + 1].first + 1)
             _bridge(path[swing], raw[swing], low[index : index + 2], config.swing_clearance)
@@ -149,7 +151,7 @@ def stand_feet(feet: Array, stance: Mask, rolling: Array, reach: Reach) -> tuple
         radius = reach.radius(foot, np.full(len(feet), -reach.give))
         for run in intervals(stance[:, foot]):
             rolled = roll[run.frames]
-            wanted = _median(path[run.frames, :2] - rolled)
+            wanted = median(path[run.frames, :2] - rolled)
             foothold, first, last = _within_reach(wanted, under_hip[run.frames] - rolled, radius[run.frames])
             moved[run.frames, foot] = math.hypot(*(foothold - wanted))
             stands = slice(run.first + first, run.first + last + 1)
@@ -164,15 +166,15 @@ def _within_reach(foothold: Array, under_hip: Array, radius: Array) -> tuple[Arr
     Repeated projection onto the disc that is farthest away finds the nearest common point of discs, near enough.
     """
     foothold = foothold.copy()
+    first, last = 0, len(under_hip) - 1
     for _ in range(PROJECTIONS):
         offset = foothold - under_hip
         distance = np.hypot(*offset.T)
         lack = distance - radius
         worst = int(np.argmax(lack))
         if lack[worst] <= 1e-5:
-            break
+            return foothold, first, last
         foothold -= offset[worst] * (lack[worst] / distance[worst])
-    first, last = 0, len(under_hip) - 1
     lack = np.hypot(*(foothold - under_hip).T) - radius
     fewest = len(under_hip) * (1.0 - LONGEST_RELEASE)
     while last - first + 1 > fewest and lack[first : last + 1].max() > 1e-3:
@@ -220,7 +222,7 @@ def _pull_in(path: Array, stands: Mask, under_hip: Array, radius: Array) -> Arra
     return lack
 
 
-def _median(values: Array) -> Array:
+def median(values: Array) -> Array:
     """Return the median over the first axis, without NumPy's overhead, which is most of the work on short arrays."""
     ordered = np.sort(values, axis=0)
     return 0.5 * (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2])

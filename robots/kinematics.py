@@ -22,15 +22,21 @@ def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
         Positions [m], shape [..., 4 legs, 4 points, 3].
     """
     angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
-    points = np.empty((*angles.shape[:-1], 4, 3))
-    for index, leg in enumerate(spec.legs):
-        roll, pitch, knee = np.moveaxis(angles[..., index, :], -1, 0)
-        hip = np.broadcast_to(leg.hip_offset, (*roll.shape, 3))
-        thigh = hip + _rotate_x(roll, np.broadcast_to(leg.thigh_offset, hip.shape))
-        calf = thigh + _rotate_x(roll, _down(pitch, leg.thigh_length))
-        foot = calf + _rotate_x(roll, _down(pitch + knee, leg.calf_length))
-        points[..., index, :, :] = np.stack([hip, thigh, calf, foot], axis=-2)
-    return points
+    roll, pitch, knee = np.moveaxis(angles, -1, 0)
+    hip, beside, thigh_length, calf_length = _dimensions(spec)
+    hip = np.broadcast_to(hip, angles.shape)
+    thigh = hip + _rotate_x(roll, np.broadcast_to(beside, angles.shape))
+    calf = thigh + _rotate_x(roll, _down(pitch, thigh_length))
+    foot = calf + _rotate_x(roll, _down(pitch + knee, calf_length))
+    return np.stack([hip, thigh, calf, foot], axis=-2)
+
+
+def _dimensions(spec: RobotSpec) -> tuple[Array, Array, Array, Array]:
+    """Return hip and thigh offsets, shape [4 legs, 3], and lengths of thighs and calves, shape [4 legs] [m]."""
+    legs = spec.legs
+    offsets = np.array([(leg.hip_offset, leg.thigh_offset) for leg in legs])
+    thigh, calf = np.array([(leg.thigh_length, leg.calf_length) for leg in legs]).T
+    return offsets[:, 0], offsets[:, 1], thigh, calf
 
 
 def link_positions(spec: RobotSpec, joint_position: Array) -> Array:
@@ -45,7 +51,7 @@ def foot_positions(spec: RobotSpec, joint_position: Array) -> Array:
     return leg_points(spec, joint_position)[..., 3, :]
 
 
-def _down(pitch: Array, length: float) -> Array:
+def _down(pitch: Array, length: Array) -> Array:
     """Return the vector of a link that hangs straight down at zero pitch, turned about the y axis."""
     return np.stack([-length * np.sin(pitch), np.zeros_like(pitch), -length * np.cos(pitch)], axis=-1)
 
@@ -116,15 +122,14 @@ def leg_angles(spec: RobotSpec, feet_b: Array) -> Array:
         spec: The robot.
         feet_b: Foot centres in the base frame [m], shape [..., 4, 3].
     """
-    angles = np.empty((*np.shape(feet_b)[:-1], 3))
-    for index, leg in enumerate(spec.legs):
-        x, y, z = np.moveaxis(feet_b[..., index, :] - np.array(leg.hip_offset), -1, 0)
-        width, thigh, calf = leg.thigh_offset[1], leg.thigh_length, leg.calf_length
-        down = np.sqrt(np.maximum(y**2 + z**2 - width**2, 1e-12))
-        roll = np.arctan2(z, y) - np.arctan2(-down, width)
-        cosine = (x**2 + down**2 - thigh**2 - calf**2) / (2.0 * thigh * calf)
-        knee = -np.arccos(np.clip(cosine, -1.0, 1.0))
-        pitch = np.arctan2(-x, down) - np.arctan2(calf * np.sin(knee), thigh + calf * np.cos(knee))
-        roll = (roll + np.pi) % (2.0 * np.pi) - np.pi
-        angles[..., index, :] = np.stack([roll, pitch, knee], axis=-1)
+    hip, beside, thigh, calf = _dimensions(spec)
+    x, y, z = np.moveaxis(feet_b - hip, -1, 0)
+    width = beside[:, 1]
+    down = np.sqrt(np.maximum(y**2 + z**2 - width**2, 1e-12))
+    roll = np.arctan2(z, y) - np.arctan2(-down, width)
+    cosine = (x**2 + down**2 - thigh**2 - calf**2) / (2.0 * thigh * calf)
+    knee = -np.arccos(np.clip(cosine, -1.0, 1.0))
+    pitch = np.arctan2(-x, down) - np.arctan2(calf * np.sin(knee), thigh + calf * np.cos(knee))
+    roll = (roll + np.pi) % (2.0 * np.pi) - np.pi
+    angles = np.stack([roll, pitch, knee], axis=-1)
     return angles.reshape(*angles.shape[:-2], 12)

@@ -8,11 +8,12 @@ from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget
+from kine2go_warp.motions.sources.base import forget_files
 from kine2go_warp.robots import robot_named
 
 
 def bench_retargeting(entries: Sequence[CatalogueEntry], folder: Path | None, repeats: int, robot: str) -> BenchReport:
-    """Retarget motions in both modes on one core, reading included."""
+    """Retarget motions in both modes on one core, each file read once."""
     spec, measurements, frames = robot_named(robot), [], 0
     for mode in ("plain", "contact"):
         solver, config = InverseKinematics(spec), RetargetConfig(mode=mode)
@@ -26,5 +27,6 @@ def bench_retargeting(entries: Sequence[CatalogueEntry], folder: Path | None, re
 def retarget_all(
     entries: Sequence[CatalogueEntry], folder: Path | None, solver: InverseKinematics, config: RetargetConfig
 ) -> int:
-    """Retarget motions and return how many frames they have."""
+    """Retarget motions, reading each file once, and return how many frames they have."""
+    forget_files()
     return sum(retarget(entry, folder, solver, config).clip.num_frames for entry in entries)

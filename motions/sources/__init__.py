@@ -7,7 +7,7 @@ from kine2go_warp.motions.sources.solo8 import Solo8
 from kine2go_warp.motions.sources.vhdc import Vhdc
 from kine2go_warp.objects import load_object
 
-SOURCES: dict[str, type[MotionSource]] = {source.name: source for source in (AI4Animation, Vhdc, Solo8)}
+SOURCES: dict[str, MotionSource] = {source.name: source for source in (AI4Animation(), Vhdc(), Solo8())}
 """All sources by the name that catalogue entries use."""
 
 
@@ -26,7 +26,7 @@ def source_named(name: str) -> MotionSource:
     if name not in SOURCES:
         known = ", ".join(sorted(SOURCES))
         raise CatalogueError(f"unknown motion source '{name}'; known are: {known}, or FILE.py:NAME for one of your own")
-    return SOURCES[name]()
+    return SOURCES[name]
 
 
 __all__ = ["SOURCES", "AI4Animation", "MotionSource", "Solo8", "Vhdc", "source_named"]

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -71,10 +72,7 @@ class MotionSource(ABC):
         Raises:
             ClipError: the file is missing or malformed, or has a fault that cannot be repaired.
         """
-        motion = self.read(path)
-        if rate is not None and not self.tells_rate:
-            motion = replace(motion, time=np.arange(motion.num_frames) / rate)
-        return examined(motion, self.scale, self.unit, str(path))
+        return _loaded(self, path, rate, _state(self.data_file(path)))
 
     def proportions(self, spec: RobotSpec) -> Proportions:
         """Return how the animal compares with a robot: lengths grow with its legs, ``foot_outward`` with its hips."""
@@ -94,3 +92,27 @@ class MotionSource(ABC):
         Raises:
             ClipError: the file is missing or malformed; the message names file and line.
         """
+
+
+@lru_cache(maxsize=64)
+def _loaded(source: MotionSource, path: Path, rate: float | None, state: tuple[int, int]) -> KeypointMotion:
+    """Return what ``load`` does; several motions are in one file, which is read once while it stays as it is."""
+    del state
+    motion = source.read(path)
+    if rate is not None and not source.tells_rate:
+        motion = replace(motion, time=np.arange(motion.num_frames) / rate)
+    return examined(motion, source.scale, source.unit, str(path))
+
+
+def _state(file: Path) -> tuple[int, int]:
+    """Return what changes when a file is written again; zeros if there is none, which its reader tells."""
+    try:
+        status = file.stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
+
+
+def forget_files() -> None:
+    """Make the next ``load`` of each file read it."""
+    _loaded.cache_clear()

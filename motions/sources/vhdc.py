@@ -133,10 +133,11 @@ def belt_velocity(hooves: Array, frame_duration: float) -> tuple[Array, Mask]:
     velocity = (hooves[after, :, :2] - hooves[before, :, :2]) / (frame_duration * (after - before))[:, None, None]
     lowest, highest = np.quantile(hooves[..., 2], [0.05, 0.95], axis=0)
     low = hooves[..., 2] <= lowest + LOW_SHARE * (highest - lowest)
-    belt = np.median(velocity[low], axis=0)
+    crowd = velocity[low]
+    belt = np.median(crowd, axis=0)
     for _ in range(CROWD_PASSES):
-        distance = np.linalg.norm(velocity[low] - belt, axis=1)
-        belt = velocity[low][distance <= np.median(distance)].mean(axis=0)
+        distance = np.linalg.norm(crowd - belt, axis=1)
+        belt = crowd[distance <= np.median(distance)].mean(axis=0)
     slip = np.linalg.norm(velocity - belt, axis=-1)
     standing = low & (slip < SLIP_SHARE * np.linalg.norm(belt) + SLIP)
     slopes = []

@@ -77,3 +77,12 @@ def test_a_range_outside_the_clip_or_too_short_is_refused(frames):
 def test_an_unknown_source_is_named():
     with pytest.raises(Exception, match="unknown motion source 'cat'; known are: ai4animation"):
         source_named("cat")
+
+
+def test_a_file_is_read_once_until_it_is_written_again(file, monkeypatch):
+    reads, read = [], AI4Animation.read
+    monkeypatch.setattr(AI4Animation, "read", lambda self, path: reads.append(path) or read(self, path))
+    first = source_named("ai4animation").load(file)
+    assert source_named("ai4animation").load(file) is first
+    write_ai4animation(generate(DogGait(turn_rate=0.5), 50).points, file)
+    assert [source_named("ai4animation").load(file).num_frames, len(reads)] == [50, 2]
