@@ -45,7 +45,7 @@ class RunResult:
     """Those that the run left unfinished because it was asked to end."""
 
 
-def jobs_of(recipe: Recipe, workspace: Workspace, data_folder: Path | None, device: str) -> list[Job]:
+def make_jobs(recipe: Recipe, workspace: Workspace, data_folder: Path | None, device: str) -> list[Job]:
     """Return a job for each motion of a recipe.
 
     Raises:
@@ -85,7 +85,7 @@ class RecipeRunner:
             CatalogueError: a motion is not in the catalogue, or needs a data folder and there is none.
         """
         self.recipe, self.engine, self.observer = recipe, engine, observer or RunObserver()
-        self.jobs = {job.motion: job for job in jobs_of(recipe, workspace, data_folder, engine.device)}
+        self.jobs = {job.motion: job for job in make_jobs(recipe, workspace, data_folder, engine.device)}
         self.workspace = Workspace(workspace.root.absolute())
         self._should_stop = should_stop
         self._queue = deque(self.jobs)

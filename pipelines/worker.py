@@ -12,7 +12,7 @@ from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.pipelines.artefacts import ArtefactRecord
 from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
-from kine2go_warp.pipelines.plan import StagePlan, artefacts_of, plan
+from kine2go_warp.pipelines.plan import StagePlan, finished_artefacts, plan
 from kine2go_warp.pipelines.stages import StageOutput
 from kine2go_warp.pipelines.workspace import MotionLog
 from kine2go_warp.revision import revision
@@ -75,7 +75,7 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
     started = time.monotonic()
     monitor = Monitor(job, stage.name)
     with slot.build(keep=stage.resumable) as folder:
-        made = stage.make(job, artefacts_of(plans), folder, monitor)
+        made = stage.make(job, finished_artefacts(plans), folder, monitor)
         record = ArtefactRecord(
             stage=stage.name,
             motion=job.motion,

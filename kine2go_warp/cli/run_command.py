@@ -170,11 +170,11 @@ class Status(RecipeOptions):
         """Print the tables."""
         from kine2go_warp.cli.status import print_status
         from kine2go_warp.device import choose_device
-        from kine2go_warp.pipelines.runner import jobs_of
+        from kine2go_warp.pipelines.runner import make_jobs
 
         recipe = self.resolved()
         workspace = self.workspace(recipe)
         # A cluster's device need not exist on this machine.
         device = self.device or choose_device(None)
-        print_status(jobs_of(recipe, workspace, data_folder(self.data), device), self.json)
+        print_status(make_jobs(recipe, workspace, data_folder(self.data), device), self.json)
         return 0

@@ -41,7 +41,7 @@ class Score:
         from kine2go_warp.cli.progress import tracked
         from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset import open_dataset
-        from kine2go_warp.scores.plots import curves_of, draw
+        from kine2go_warp.scores.plots import compute_curves, draw
         from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
         dataset = open_dataset(self.dataset)
@@ -52,7 +52,7 @@ class Score:
             data = dataset.load(name)
             measured.append(measure(data, dataset.robot))
             if self.plots is not None:
-                curves.append(curves_of(data))
+                curves.append(compute_curves(data))
         scores = score(measured)
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)

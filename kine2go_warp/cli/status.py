@@ -10,7 +10,7 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.pipelines.job import Job, read_progress
 from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.stages import STAGES
-from kine2go_warp.pipelines.workspace import Workspace, holder_of, is_locked
+from kine2go_warp.pipelines.workspace import Workspace, is_locked, lock_holder
 from kine2go_warp.tables import make_table
 
 METRICS = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
@@ -33,7 +33,7 @@ class MotionStatus:
     metrics: dict[str, Any] = field(default_factory=dict)
 
 
-def status_of(job: Job, is_running: bool) -> MotionStatus:
+def motion_status(job: Job, is_running: bool) -> MotionStatus:
     """Return what is known of one motion."""
     found = MotionStatus(job.motion)
     note = read_progress(job.workspace.progress(job.motion)) if is_running else None
@@ -67,7 +67,7 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
     """Print what is done, what would run and why, and what failed."""
     workspace: Workspace = jobs[0].workspace
     running = is_locked(workspace.root)
-    found = [status_of(job, running) for job in jobs]
+    found = [motion_status(job, running) for job in jobs]
     if as_json:
         values = {"folder": str(workspace.root), "running": running, "motions": [vars(one) for one in found]}
         print(json.dumps(values, indent=2))
@@ -75,7 +75,7 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
 
     from kine2go_warp.cli.tables import print_table, say
 
-    who = f", now running: {holder_of(workspace.root / '.lock')}" if running else ""
+    who = f", now running: {lock_holder(workspace.root / '.lock')}" if running else ""
     headings = ("motion", *(stage.name for stage in STAGES), *(name.replace("_", " ") for name in METRICS))
     rows = []
     for one in found:

@@ -140,7 +140,7 @@ def option(arguments: Sequence[str], name: str) -> str | None:
     return None
 
 
-def option_of(record: Named) -> tuple[Any, Any]:
+def record_option(record: Named) -> tuple[Any, Any]:
     """Return the type and the default of a record's option: those of its main field, if it has one."""
     name = record.main_field
     return (get_type_hints(type(record))[name], getattr(record, name)) if name else (type(record), record)
@@ -156,7 +156,7 @@ def by_name(info: tyro.constructors.StructTypeInfo) -> tyro.constructors.StructC
     if are_pairs(info.default):
         parts = [(name, float, value) for name, value in info.default]
     elif are_named(info.default):
-        parts = [(one.name, *option_of(one)) for one in info.default]
+        parts = [(one.name, *record_option(one)) for one in info.default]
     else:
         return None
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp.deployment.controller import ExportedPolicy, PolicyController
 from kine2go_warp.deployment.observer import MeasuredState
-from kine2go_warp.deployment.rotations import matrix_of
+from kine2go_warp.deployment.rotations import to_matrix
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
 from kine2go_warp.errors import PolicyError
@@ -108,7 +108,7 @@ class MujocoRollouts:
             root_orientation=orientation,
             # MuJoCo gives the velocity of the base link origin in the world, and the turn rate in the base frame.
             root_linear_velocity=data.qvel[:3].copy(),
-            root_angular_velocity=matrix_of(orientation) @ data.qvel[3:6],
+            root_angular_velocity=to_matrix(orientation) @ data.qvel[3:6],
             joint_position=data.qpos[7:].copy(),
             joint_velocity=data.qvel[FIRST_DOF:].copy(),
         )
@@ -176,4 +176,4 @@ class MujocoRollouts:
 def turn_between(wxyz: NDArray, rotation: NDArray) -> float:
     """Return the angle between two orientations [rad]."""
     # The trace of a rotation is 1 + 2 cos(angle); limits are far from where this loses digits.
-    return float(np.arccos(np.clip(0.5 * (np.sum(matrix_of(wxyz) * rotation) - 1.0), -1.0, 1.0)))
+    return float(np.arccos(np.clip(0.5 * (np.sum(to_matrix(wxyz) * rotation) - 1.0), -1.0, 1.0)))

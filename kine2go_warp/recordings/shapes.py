@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.robots.urdf import UrdfReader, origin_of
+from kine2go_warp.robots.urdf import UrdfReader, read_origin
 from kine2go_warp.rotations import multiply, rotate
 
 Array = NDArray[np.float32]
@@ -30,7 +30,7 @@ class Motors:
         """Read the shapes of a robot, none where the hips have other ones."""
         reader = UrdfReader(spec.urdf)
         found = [reader.root.find(f"link[@name='{hip}']/visual/geometry/cylinder/../..") for hip in spec.leg_links[::3]]
-        centres = [origin_of(visual)[0] for visual in found if visual is not None]
+        centres = [read_origin(visual)[0] for visual in found if visual is not None]
         if len(centres) < len(found):
             return None
         cylinder = reader.find(f"link[@name='{spec.leg_links[0]}']/visual/geometry/cylinder").attrib
@@ -68,7 +68,7 @@ class Poses:
         return self.link_position[:, joint:12:3]
 
 
-def poses_of(
+def compute_poses(
     spec: RobotSpec,
     root_position: NDArray,
     root_orientation: NDArray,
@@ -100,13 +100,13 @@ def poses_of(
 def robot_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
     """Return the robot of a trajectory, at the points that the dataset stores."""
     state = rows["root_position"], rows["root_orientation"], rows["joint_position"], rows["link_position"]
-    return poses_of(spec, *state)
+    return compute_poses(spec, *state)
 
 
 def reference_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
     """Return the reference of a trajectory."""
     names = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
-    return poses_of(spec, *(rows[name] for name in names))
+    return compute_poses(spec, *(rows[name] for name in names))
 
 
 def skeletons(poses: Poses) -> Array:

@@ -16,7 +16,7 @@ from kine2go_warp.reports import tables
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
 from kine2go_warp.revision import revision
-from kine2go_warp.scores.plots import curves_of
+from kine2go_warp.scores.plots import compute_curves
 from kine2go_warp.scores.report import MotionMetrics, measure, review_note, robot_note, score, scored_motions
 from kine2go_warp.tables import number_text
 
@@ -129,7 +129,7 @@ def motion_part(dataset: Dataset, name: str, key: str, renderer: RenderProcess |
     """
     check_content(dataset, name)
     data = dataset.load(name)
-    metrics, curves = measure(data, dataset.robot), curves_of(data)
+    metrics, curves = measure(data, dataset.robot), compute_curves(data)
     shown: tuple[Strip, ...] = ()
     if renderer is not None:
         shown = strips(renderer, dataset.motion(name), metrics.metrics["joint_rmse"], data.indices)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.recordings.shapes import Motors, about, poses_of, skeletons
+from kine2go_warp.recordings.shapes import Motors, about, compute_poses, skeletons
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rotations import rotate
@@ -16,7 +16,7 @@ def state(rng):
 
 
 def test_a_capsule_that_begins_at_its_lower_end_leads_to_the_joint_above(state):
-    poses = poses_of(GO2, *state)
+    poses = compute_poses(GO2, *state)
     down = np.array([0.0, 0.0, -1.0])
     lengths = np.array([leg.calf_length for leg in GO2.legs])[:, None]
     np.testing.assert_allclose(poses.joint_centres(2) + rotate(poses.calf, down) * lengths, poses.feet, atol=1e-6)
@@ -28,7 +28,7 @@ def test_a_capsule_that_begins_at_its_lower_end_leads_to_the_joint_above(state):
 
 def test_links_are_where_scipy_and_the_kinematics_put_them(state):
     position, orientation, joints = state
-    poses = poses_of(GO2, *state)
+    poses = compute_poses(GO2, *state)
     turn = Rotation.from_quat(orientation[:, [1, 2, 3, 0]])
     for link in range(16):
         expected = position + turn.apply(link_positions(GO2, joints)[:, link])
@@ -37,7 +37,7 @@ def test_links_are_where_scipy_and_the_kinematics_put_them(state):
 
 def test_stored_links_are_drawn_where_the_dataset_has_them(state, rng):
     stored = rng.normal(size=(50, 16, 3)).astype(np.float32)
-    assert np.array_equal(poses_of(GO2, *state, stored).link_position, stored)
+    assert np.array_equal(compute_poses(GO2, *state, stored).link_position, stored)
 
 
 def test_turns_agree_with_scipy(rng):
@@ -47,7 +47,7 @@ def test_turns_agree_with_scipy(rng):
 
 
 def test_skeletons_run_from_hip_to_foot(state):
-    poses = poses_of(GO2, *state)
+    poses = compute_poses(GO2, *state)
     lines = skeletons(poses)
     assert lines.shape == (50, 4, 4, 3)
     np.testing.assert_array_equal(lines[:, :, 0], poses.joint_centres(0))
