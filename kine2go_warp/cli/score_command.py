@@ -10,15 +10,8 @@ from kine2go_warp.errors import DatasetError
 if TYPE_CHECKING:
     from kine2go_warp.scores.report import DatasetScores
 
-HEADLINES = {
-    "joint_rmse": "joint RMSE",
-    "root_error": "root error",
-    "foot_error": "foot error",
-    "body_emd": "body EMD",
-    "foot_slip": "foot slip",
-    "acceptance": "accepted",
-}
-"""Metrics that are shown of every motion, with their headings."""
+HEADLINES = ("joint_rmse", "root_error", "foot_error", "body_emd", "foot_slip", "acceptance")
+"""Metrics that are shown of every motion."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +85,7 @@ def print_scores(scores: "DatasetScores", dataset: Path) -> None:
     motions, known = list(scores.motions), {metric.name: metric for metric in METRICS}
     if len(motions) > 1:
         columns = [Column("motion", number=False)]
-        columns += [Column(heading, known[name].unit) for name, heading in HEADLINES.items()]
+        columns += [Column(known[name].heading, known[name].unit) for name in HEADLINES]
         rows = [
             (motion, *(number_text(estimates[name].value) for name in HEADLINES))
             for motion, estimates in scores.motions.items()

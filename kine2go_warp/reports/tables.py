@@ -9,18 +9,11 @@ from kine2go_warp.scores.registry import METRICS
 from kine2go_warp.scores.statistics import Estimate
 from kine2go_warp.tables import Cell, Column, Table, make_table, number_text
 
-HEADLINES = {
-    "joint_rmse": "joint RMSE",
-    "root_error": "root error",
-    "foot_error": "foot error",
-    "joint_emd": "joint EMD",
-    "body_emd": "body EMD",
-    "foot_slip": "foot slip",
-    "power": "power",
-    "cost_of_transport": "cost of transport",
-    "acceptance": "accepted",
-}
-"""Metrics of the scorecard, with their headings; all others are with each motion."""
+HEADLINES = (
+    *("joint_rmse", "root_error", "foot_error", "joint_emd", "body_emd"),
+    *("foot_slip", "power", "cost_of_transport", "acceptance"),
+)
+"""Metrics of the scorecard; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
                    "coordinates", "fidelity"}  # fmt: skip
@@ -65,10 +58,9 @@ def scorecard(
     """
     known = {metric.name: metric for metric in METRICS}
     columns = [Column("motion", number=False), Column("trajectories"), Column("duration", "s")]
-    for name, heading in HEADLINES.items():
-        metric = known[name]
+    for metric in (known[name] for name in HEADLINES):
         hint = f"{metric.description}; {metric.better} is better"
-        columns.append(Column(heading, "" if metric.unit == "1" else metric.unit, hint))
+        columns.append(Column(metric.heading, "" if metric.unit == "1" else metric.unit, hint))
 
     def line(label: Cell, size: tuple[int, float], estimates: Mapping[str, Estimate]) -> tuple[Cell, ...]:
         metrics = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
