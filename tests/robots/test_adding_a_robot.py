@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -102,18 +103,24 @@ LATER = (
 )
 
 
+@pytest.fixture(scope="module")
+def results(place, tmp_path_factory):
+    """A copy of what the commands of the page have made."""
+    return shutil.copytree(place[0], tmp_path_factory.mktemp("results") / "made_up")
+
+
 @pytest.mark.parametrize("command", LATER)
-def test_later_commands_take_the_robot_from_what_they_open(place, command, monkeypatch, request):
+def test_later_commands_take_the_robot_from_what_they_open(results, command, monkeypatch, request):
     if "report" in command or "render" in command:
         request.getfixturevalue("can_draw")
-    monkeypatch.chdir(place[0])
+    monkeypatch.chdir(results)
     assert main(command.split()) == 0
 
 
-def test_a_robot_without_motors_at_the_hips_is_drawn_without_them(place):
+def test_a_robot_without_motors_at_the_hips_is_drawn_without_them(place, tmp_path):
     spec = MotionClip.load(place[0] / "clips" / "dog_trot.npz").spec
     assert Motors.of(spec) is not None
-    bare = place[0] / "bare.urdf"
+    bare = tmp_path / "bare.urdf"
     bare.write_text(urdf().replace('<cylinder radius="0.04" length="0.04"/>', '<sphere radius="0.04"/>'))
     assert Motors.of(replace(spec, urdf=bare)) is None
 
