@@ -156,17 +156,17 @@ class PolicyFolder:
         for name in record.clips:
             check_name(name, self.record_file, PolicyError)
         clips = tuple(MotionClip.load(self.path / name) for name in record.clips)
-        for clip, known in zip(clips, record.clip_hashes, strict=False):
-            if clip.content_hash() != known:
-                raise PolicyError(
-                    f"{self.path / clip.name}.npz: not the clip that the policy was trained on; put that one back, or "
-                    "train again with --overwrite"
-                )
         for clip in clips:
             if clip.robot != record.robot:
                 raise PolicyError(
                     f"{self.path}: the clip {clip.name} is for the robot {clip.robot} and the policy for "
                     f"{record.robot}; retarget the motion to the policy's robot"
+                )
+        for clip, known in zip(clips, record.clip_hashes, strict=False):
+            if clip.content_hash() != known:
+                raise PolicyError(
+                    f"{self.path / clip.name}.npz: not the clip that the policy was trained on; put that one back, or "
+                    "train again with --overwrite"
                 )
         return clips
 
