@@ -220,6 +220,8 @@ def print_bench(report: "BenchReport") -> None:
         values = (f"{value:,.0f}" if value >= 100.0 else f"{value:.3f}" for value in (row.median, *row.spread))
         rows.append((row.name, *values, row.unit, row.note))
     headings, texts = ("figure", "median", "lowest", "highest", "unit", "what it is"), ("figure", "unit", "what it is")
+    if not any(row.note for row in report.measurements):
+        headings, rows = headings[:-1], [row[:-1] for row in rows]
     print_table(make_table(f"{report.stage} on {report.device}: {settings}", headings, rows, texts))
     say(", ".join(f"{name} {value}" for name, value in machine(report.device).items()))
 
