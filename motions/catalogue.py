@@ -10,6 +10,7 @@ from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.sources import MotionSource, source_named
+from kine2go_warp.names import check_name
 from kine2go_warp.toml import read_toml
 
 CATALOGUE_FILE = Path(__file__).with_name("catalogue.toml")
@@ -136,6 +137,7 @@ def parse_catalogue(text: str, where: str) -> dict[str, CatalogueEntry]:
     for line, motion in zip(headers["[[motion]]"], content.get("motion", []), strict=False):
         here = f"{where}, line {line}, [[motion]]"
         check_fields(motion, MOTION_FIELDS, here)
+        check_name(motion["name"], here, CatalogueError)
         if motion["collection"] not in collections:
             raise CatalogueError(f"{here}: there is no [collection.{motion['collection']}]")
         if motion["name"] in entries:

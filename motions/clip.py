@@ -15,6 +15,7 @@ from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton
+from kine2go_warp.motions.validation import validate
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import from_rotation, to_rotation
@@ -183,33 +184,39 @@ class MotionClip:
         """Read a clip written by ``save``.
 
         Raises:
-            ClipError: the file is missing, not a clip, or of another format version.
+            ClipError: the file is missing, not a clip, of another format version, or ``validate`` refuses it.
+            Kine2GoError: its robot is not available here.
         """
         try:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
                 keypoints = Skeleton.from_arrays(data)
-            version = header["format_version"]
-            if version == FORMAT_VERSION:
-                return cls(
-                    name=header["name"],
-                    robot=header.get("robot", DEFAULT_ROBOT),
-                    frame_duration=header["frame_duration"],
-                    slow_down=header["slow_down"],
-                    time_scale=header.get("time_scale", 1.0),
-                    fidelity=Fidelity.from_json(header.get("fidelity")),
-                    cycle=CycleStep(**header["cycle"]),
-                    origin=ClipOrigin(**header["origin"]),
-                    keypoints=keypoints,
-                    **arrays,
-                )
+            if header["format_version"] != FORMAT_VERSION:
+                version = header["format_version"]
+                raise ClipError(f"{path}: clip format {version}, expected {FORMAT_VERSION}; retarget it again")
+            clip = cls(
+                name=header["name"],
+                robot=header.get("robot", DEFAULT_ROBOT),
+                frame_duration=header["frame_duration"],
+                slow_down=header["slow_down"],
+                time_scale=header.get("time_scale", 1.0),
+                fidelity=Fidelity.from_json(header.get("fidelity")),
+                cycle=CycleStep(**header["cycle"]),
+                origin=ClipOrigin(**header["origin"]),
+                keypoints=keypoints,
+                **arrays,
+            )
+        except ClipError:
+            raise
         except FileNotFoundError:
             raise ClipError(f"{path}: no such clip; make it with 'kine2go motion retarget'") from None
         except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
-            problem = f"{error.__class__.__name__}: {error}"
+            # NumPy takes whatever is no archive for a pickle, and would advise to load it as one.
+            problem = "it is no .npz file" if "pickle" in str(error) else f"{error.__class__.__name__}: {error}"
             raise ClipError(f"{path}: not a clip written by 'kine2go motion retarget' ({problem})") from None
-        raise ClipError(f"{path}: clip format {version}, expected {FORMAT_VERSION}; retarget it again")
+        validate(clip, path)
+        return clip
 
 
 def robot_of(clips: Sequence[MotionClip]) -> RobotSpec:

@@ -19,6 +19,7 @@ LEAVES = {
     "interruption",
     "machine",
     "metrics",
+    "names",
     "objects",
     "quantities",
     "revision",

@@ -10,6 +10,7 @@ import zarr
 
 from kine2go_warp.dataset.schema import FORMAT_VERSION
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.names import check_name
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 
 NESTED = (
@@ -46,7 +47,10 @@ def motion_names(path: Path) -> list[str]:
     if not (path / "zarr.json").is_file():
         raise DatasetError(f"{path}: {_absence(path)}; make a dataset with 'kine2go dataset gather' or 'kine2go run'")
     check_version(path)
-    return motion_folders(path)
+    names = motion_folders(path)
+    for name in names:
+        check_name(name, path, DatasetError)
+    return names
 
 
 def motion_folders(path: Path) -> list[str]:

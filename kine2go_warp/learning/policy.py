@@ -13,6 +13,7 @@ from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.names import check_name
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
@@ -39,6 +40,8 @@ class PolicyRecord:
     """What was seen when it diverged."""
     robot: str = DEFAULT_ROBOT
     """Reference of the robot; see ``robots.robot_named``."""
+    clip_hashes: tuple[str, ...] = ()
+    """``MotionClip.content_hash`` of each clip; empty in policies made before it was kept."""
 
     @property
     def complete(self) -> bool:
@@ -63,7 +66,7 @@ def read_preset(values: dict[str, Any], where: str) -> Preset:
     return replace(preset, env=replace(env, terminations=terms, initial_limit_scale=scale, limit_anneal_time=time))
 
 
-def iteration_of(checkpoint: Path) -> int | None:
+def checkpoint_iteration(checkpoint: Path) -> int | None:
     """Return the iteration (from 0) in the name of a checkpoint, none if it is not one of ours."""
     number = checkpoint.stem.removeprefix("model_")
     return int(number) if number.isdigit() else None
@@ -94,6 +97,7 @@ class PolicyFolder:
             "software_version": __version__,
             "robot": record.robot,
             "clips": list(record.clips),
+            "clip_hashes": record.clip_hashes,
             "fingerprint": record.fingerprint,
             "iterations": record.iterations,
             "seconds": record.seconds,
@@ -123,6 +127,7 @@ class PolicyFolder:
                 preset=read_preset(values["preset"], str(self.record_file)),
                 robot=values.get("robot", DEFAULT_ROBOT),
                 clips=tuple(values["clips"]),
+                clip_hashes=tuple(values.get("clip_hashes", ())),
                 fingerprint=values["fingerprint"],
                 iterations=values["iterations"],
                 seconds=values["seconds"],
@@ -146,14 +151,22 @@ class PolicyFolder:
 
         Raises:
             ClipError: one cannot be read.
-            PolicyError: one is for another robot than the policy.
+            PolicyError: one is not what the policy was trained on, or is for another robot.
         """
+        for name in record.clips:
+            check_name(name, self.record_file, PolicyError)
         clips = tuple(MotionClip.load(self.path / name) for name in record.clips)
         for clip in clips:
             if clip.robot != record.robot:
                 raise PolicyError(
                     f"{self.path}: the clip {clip.name} is for the robot {clip.robot} and the policy for "
                     f"{record.robot}; retarget the motion to the policy's robot"
+                )
+        for clip, known in zip(clips, record.clip_hashes, strict=False):
+            if clip.content_hash() != known:
+                raise PolicyError(
+                    f"{self.path / clip.name}.npz: not the clip that the policy was trained on; put that one back, or "
+                    "train again with --overwrite"
                 )
         return clips
 
@@ -185,13 +198,13 @@ class PolicyFolder:
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
-        found = [path for path in self.path.glob("model_*.pt") if iteration_of(path) is not None]
-        return sorted(found, key=lambda path: iteration_of(path) or 0)
+        found = [path for path in self.path.glob("model_*.pt") if checkpoint_iteration(path) is not None]
+        return sorted(found, key=lambda path: checkpoint_iteration(path) or 0)
 
     def iterations_done(self) -> int:
         """Return after how many iterations the newest checkpoint was written, 0 if there is none."""
         found = self.checkpoints()
-        return (iteration_of(found[-1]) or 0) + 1 if found else 0
+        return (checkpoint_iteration(found[-1]) or 0) + 1 if found else 0
 
     def keep_newest(self, count: int) -> None:
         """Remove all checkpoints but the newest."""

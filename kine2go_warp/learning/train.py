@@ -104,7 +104,8 @@ def train(
     start = resume_point(policy, preset.ppo.iterations, on_note)
     if known is not None and start is not None and known.iterations == start.iterations >= preset.ppo.iterations:
         return known
-    record = replace(record, clips=policy.write_clips(tuple(clips)))
+    hashes = tuple(clip.content_hash() for clip in clips)
+    record = replace(record, clips=policy.write_clips(tuple(clips)), clip_hashes=hashes)
     policy.write_record(record)
     task = TrainingTask(policy, clips, device, processes, strict, on_progress, should_stop, observer)
     while True:

@@ -26,7 +26,9 @@ def policies(policy, tmp_path_factory):
     clip = policy.read_clips(record)[0]
     for name in MOTIONS:
         copy = PolicyFolder(Path(shutil.copytree(policy.path, folder / name)))
-        copy.write_record(replace(record, clips=copy.write_clips((replace(clip, name=name),))))
+        renamed = replace(clip, name=name)
+        hashes = (renamed.content_hash(),)
+        copy.write_record(replace(record, clips=copy.write_clips((renamed,)), clip_hashes=hashes))
     return folder
 
 
