@@ -33,7 +33,7 @@ def perfect(count=1):
         "reference_joint_position": pose.copy(),
         "joint_target": pose.copy(),
         "joint_velocity": np.zeros_like(pose),
-        "joint_torque": np.zeros_like(pose),
+        "torque_at_limit": np.zeros_like(pose),
         "link_position": links,
         "link_linear_velocity": np.zeros_like(links),
         "reference_foot_position": links[:, :, 12:].copy(),
@@ -66,7 +66,7 @@ def at_a_limit(rows, one=0):
 
 
 def saturated_torque(rows, one=0):
-    rows["joint_torque"][one, :, 3:5] = -np.float32(GO2.joint_effort)[3:5]
+    rows["torque_at_limit"][one, :, 3:5] = 1.0
 
 
 def targets_beyond_limits(rows, one=0):
@@ -188,7 +188,7 @@ def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
 
 def test_figures_that_are_not_numbers_are_never_accepted():
     rows = perfect()
-    rows["joint_torque"][:] = np.nan
+    rows["torque_at_limit"][:] = np.nan
     assert filtered(rows).reasons == ("torque_saturation",)
 
 
