@@ -87,20 +87,20 @@ PRESET = replace(
 )
 ```
 
-`kine2go train CLIP --preset my_file.py:PRESET` trains with it. A kernel takes `(view, out, column)` and then the term's
-parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or as many
-as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on; a termination writes
-1 where the episode ends, else 0. `WorldView` (`kernels/world.py`) is all that it can read. A randomization term has no
-kernel: it names a parameter of the table below, draws from its range and scales, shifts or sets it, one draw a joint or
-one for all (`shared`). Other arrays of the model are out of its reach.
+`kine2go policy train CLIP --preset my_file.py:PRESET` trains with it. A kernel takes `(view, out, column)` and then the
+term's parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or
+as many as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on; a
+termination writes 1 where the episode ends, else 0. `WorldView` (`kernels/world.py`) is all that it can read. A
+randomization term has no kernel: it names a parameter of the table below, draws from its range and scales, shifts or
+sets it, one draw a joint or one for all (`shared`). Other arrays of the model are out of its reach.
 
 A term of the package or of yours is a setting by its name: `[train.env.rewards.foot_slip] weight = -0.2`,
 `[train.env.observations.last_action] enabled = false`, `[train.env.terminations.base_low.params] min_height = 0.1`,
 `[train.env.randomization] friction = [0.5, 1.0]`. TensorBoard, Rerun, `policy.json`, the dataset's labels and the
 reasons of rejected rollouts follow. `gather` and `eval` keep your ends of episodes, with their own limits of distance
-and rotation, and draw what their own settings say; plain MuJoCo (`sim2sim`) knows the package's ends alone. The policy
-folder refers to your file by its path: keep the file where it is. `kine2go export-policy` writes any policy, but the
-package's own controller knows the package's observations alone.
+and rotation, and draw what their own settings say; plain MuJoCo (`sim2sim`) knows the package's ends alone and names
+the others. The policy folder refers to your file by its path: keep the file where it is. `kine2go policy export` writes
+any policy, but the package's own controller knows the package's observations alone.
 """
 
 
@@ -277,8 +277,8 @@ def faults_section() -> str:
     return """## Faults
 
 Full contact or constraint buffers and numbers that are not finite end the episode of their world, are counted on the
-device and shown while training. `kine2go train --strict` stops at the first one and saves the world's state before the
-step, from which it can be repeated (`WorldSnapshot.load(file).restore(environment)`).
+device and shown while training. `kine2go policy train --strict` stops at the first one and saves the world's state
+before the step, from which it can be repeated (`WorldSnapshot.load(file).restore(environment)`).
 """
 
 

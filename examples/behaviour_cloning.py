@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from kine2go_warp.cli.main import report
 from kine2go_warp.dataset import OBSERVATION_ARRAYS, Dataset, compute_statistics, load_rows, open_dataset
-from kine2go_warp.dataset.statistics import moments_of
+from kine2go_warp.dataset.statistics import compute_moments
 from kine2go_warp.dataset.torch_windows import Batch, WindowLoader
 from kine2go_warp.device import start_warp
 from kine2go_warp.env.config import ActionConfig, EnvConfig
@@ -120,7 +120,7 @@ class Clone(nn.Module):
         """Build an untrained network, normalised with the statistics of the training data."""
         super().__init__()
         action = compute_statistics(dataset, ["action_mean"])["action_mean"]
-        seen = moments_of(observe(loader.gather(torch.from_numpy(loader.starts[::16]))).numpy())
+        seen = compute_moments(observe(loader.gather(torch.from_numpy(loader.starts[::16]))).numpy())
         self.input_mean, self.action_mean = (torch.from_numpy(one.mean).float() for one in (seen, action))
         deviations = (torch.from_numpy(one.std).float().clamp(min=1e-3) for one in (seen, action))
         self.input_deviation, self.action_deviation = deviations

@@ -5,7 +5,8 @@ import warp as wp
 from kine2go_warp.kernels.kinematics import LegGeometry, leg_point_b
 from kine2go_warp.kernels.state import RobotState, leg_joint_position
 
-wp.set_module_options({"enable_backward": False})
+# Unrolled, the loops over pairs of parts are ten thousand lines of C++, which take minutes to compile for a GPU.
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
 
 SEARCH_STEPS = wp.constant(24)
 """Steps of the search along a leg for the place closest to the trunk: 0.2 m are halved to 0.02 mm."""

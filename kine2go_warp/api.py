@@ -24,13 +24,16 @@ StrPath = str | PathLike[str]
 
 
 @named_extras()
-def retarget(motion: str, data: StrPath | None = None, robot: str = "go2", **settings: Any) -> "MotionClip":
+def retarget(
+    motion: str, data: StrPath | None = None, robot: str = "go2", catalogue: StrPath | None = None, **settings: Any
+) -> "MotionClip":
     """Retarget a motion of the catalogue to a robot. Needs the extra ``retarget``.
 
     Args:
         motion: Its name in the catalogue, such as ``dog_trot``.
         data: Folder of the source clips; not needed for a bundled motion.
         robot: A name of ``robots.ROBOTS``, or ``my_robot.py:SPEC`` for a robot of your own.
+        catalogue: TOML file with motions of your own, in the form of the catalogue.
         settings: Fields of ``RetargetConfig``.
 
     Raises:
@@ -44,9 +47,9 @@ def retarget(motion: str, data: StrPath | None = None, robot: str = "go2", **set
     from kine2go_warp.motions.retarget import retarget as retarget_entry
     from kine2go_warp.robots import robot_named
 
-    folder = None if data is None else Path(data)
+    folder, own = (None if one is None else Path(one) for one in (data, catalogue))
     solver = InverseKinematics(robot_named(robot))
-    return retarget_entry(motion_named(motion), folder, solver, RetargetConfig(**settings)).clip
+    return retarget_entry(motion_named(motion, own), folder, solver, RetargetConfig(**settings)).clip
 
 
 @named_extras()

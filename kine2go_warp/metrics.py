@@ -52,6 +52,11 @@ class Metric:
     label: str = ""
     """Short name beside its limit."""
 
+    @property
+    def heading(self) -> str:
+        """Its name in words."""
+        return self.name.replace("_", " ").replace("rmse", "RMSE").replace("emd", "EMD")
+
 
 def _limited(name: str, unit: str, description: str, setting: str, reason: str, label: str) -> Metric:
     return Metric(name=name, unit=unit, description=description, setting=setting, reason=reason, label=label)

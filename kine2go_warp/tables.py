@@ -59,9 +59,9 @@ class Table:
 
 
 def make_table(
-    title: str, columns: Sequence[str | Column], rows: Iterable[Sequence[str | Cell]], texts: Sequence[str] = ()
+    title: str, columns: Sequence[str | Column], rows: Iterable[Sequence[object]], texts: Sequence[str] = ()
 ) -> Table:
-    """Return a table of texts.
+    """Return a table of cells, or of values as they are printed.
 
     Args:
         title: Its title.
@@ -70,17 +70,22 @@ def make_table(
         texts: Headings of the columns that hold texts rather than numbers.
     """
     made = tuple(one if isinstance(one, Column) else Column(one, number=one not in texts) for one in columns)
-    cells = tuple(tuple(one if isinstance(one, Cell) else Cell(one) for one in row) for row in rows)
+    cells = tuple(tuple(one if isinstance(one, Cell) else Cell(str(one)) for one in row) for row in rows)
     return Table(made, cells, title=title)
 
 
 def markdown(table: Table) -> str:
     """Return a table in Markdown, without its title."""
-    rows = [[column.heading for column in table.columns], ["---"] * len(table.columns)]
-    rows += [[f"`{one.text}`" if one.code else one.text for one in row] for row in (*table.rows, table.total) if row]
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    lines[1] = "|" + "---|" * len(table.columns)
+    rows = [[Cell(column.heading) for column in table.columns], *table.rows, table.total]
+    lines = ["| " + " | ".join(_markdown_cell(one) for one in row) + " |" for row in rows if row]
+    lines.insert(1, "|" + "---|" * len(table.columns))
     return "\n".join(lines) + "\n"
+
+
+def _markdown_cell(cell: Cell) -> str:
+    """Return the text of a cell with what Markdown would take for the edge of a column escaped."""
+    text = cell.text.replace("|", "\\|")
+    return f"`{text}`" if cell.code else text
 
 
 def number_text(value: float) -> str:

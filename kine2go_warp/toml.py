@@ -40,8 +40,8 @@ def to_toml(values: dict[str, Any], section: str = "") -> str:
 
 def place_in(text: str, key: str) -> str:
     """Return line and section of a key such as ``train.env.seed``, as messages have them."""
-    line = next((line for part in ancestors(key) if (line := line_of(text, part))), None)
-    section = key if line_of(text, key, sections=True) else key.rpartition(".")[0]
+    line = next((line for part in ancestors(key) if (line := find_line(text, part))), None)
+    section = key if find_line(text, key, sections=True) else key.rpartition(".")[0]
     return (f", line {line}" if line else "") + (f", [{section}]" if section else "")
 
 
@@ -52,7 +52,7 @@ def ancestors(key: str) -> Iterator[str]:
         key = key.rpartition(".")[0]
 
 
-def line_of(text: str, key: str, sections: bool = False) -> int | None:
+def find_line(text: str, key: str, sections: bool = False) -> int | None:
     """Return the number of the line where a key such as ``train.env.seed``, or a section, stands; none if not found."""
     section = ""
     for number, line in enumerate(text.splitlines(), start=1):

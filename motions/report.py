@@ -13,6 +13,7 @@ from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.quality import ClipQuality
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
+from kine2go_warp.tables import make_table, markdown
 
 COLOURS = ("#d1495b", "#3066be", "#edae49", "#2a9d8f")
 """Front left, front right, rear left, rear right."""
@@ -68,13 +69,12 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
 
 def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]]) -> str:
     """Return all figures as a table in Markdown."""
-    headings = [heading for heading, _ in COLUMNS]
+    headings = (*(heading for heading, _ in COLUMNS), "remarks")
     rows = [
         [*(cell(quality).replace("nan", "") for _, cell in COLUMNS), "; ".join(remarks[quality.name])]
         for quality in qualities
     ]
-    table = [[*headings, "remarks"], ["---"] * (len(COLUMNS) + 1), *rows]
-    return "\n".join(f"| {' | '.join(row)} |" for row in table) + "\n"
+    return markdown(make_table("", headings, rows))
 
 
 def described(fidelity: Fidelity | None) -> str:

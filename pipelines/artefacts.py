@@ -20,6 +20,8 @@ from kine2go_warp.settings import content_hash, from_dictionary
 RECORD = "artefact.json"
 LOCK = "lock"
 FORMAT_VERSION = 1
+FORMER_NAMES = {"figures": "metrics"}
+"""Fields of ``artefact.json`` under the names that older runs gave them."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class ArtefactRecord:
     """Everything that decides what the artefact holds; its hash is the key."""
     output: str
     """Hash of what it holds, which is what later stages depend on."""
-    figures: dict[str, Any]
+    metrics: dict[str, Any]
     """What people want to know of it."""
     seconds: float
     """Time that it took [s]; interrupted attempts count only where they were continued."""
@@ -136,8 +138,10 @@ def latest(folder: Path, motion: str) -> ArtefactRecord | None:
 def read_record(path: Path) -> ArtefactRecord | None:
     """Return a record, none if there is none or it cannot be read."""
     try:
-        record = from_dictionary(ArtefactRecord, json.loads(path.read_text()), str(path), PipelineError)
-    except (OSError, ValueError, PipelineError):
+        values: dict[str, Any] = json.loads(path.read_text())
+        values = {FORMER_NAMES.get(name, name): value for name, value in values.items()}
+        record = from_dictionary(ArtefactRecord, values, str(path), PipelineError)
+    except (OSError, ValueError, AttributeError, PipelineError):
         return None
     return record if record.format_version == FORMAT_VERSION else None
 

@@ -35,7 +35,7 @@ class Event:
     """Time that the stage or the run has taken [s]."""
     seconds_left: float | None = None
     """Estimate of the time to the end of the stage [s]."""
-    figures: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
     """Such as ``reward``, ``accepted`` or ``joint_rmse``."""
 
 

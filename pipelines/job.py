@@ -59,7 +59,7 @@ class ProgressNote:
     """When the stage began [s since 1970]; shown to people only."""
     seconds: float
     """Time since then, by a clock that nobody sets [s]."""
-    figures: dict[str, float] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
     """Such as ``reward`` or ``accepted``."""
 
     @property
@@ -86,14 +86,14 @@ class Monitor:
         self._first_done: int | None = None
         self.advanced(0, 0, "")
 
-    def advanced(self, done: int, total: int, detail: str, **figures: float) -> None:
+    def advanced(self, done: int, total: int, detail: str, **metrics: float) -> None:
         """Note how far the stage is; only now and then, and at the end, is it written."""
         now = time.monotonic()
         if done != total and now - self._last < PROGRESS_INTERVAL:
             return
         self._last = now
-        figures = {name: value for name, value in figures.items() if math.isfinite(value)}
-        note = ProgressNote(self._stage, done, total, detail, self._began_wall, now - self._began, figures)
+        metrics = {name: value for name, value in metrics.items() if math.isfinite(value)}
+        note = ProgressNote(self._stage, done, total, detail, self._began_wall, now - self._began, metrics)
         with atomic_file(self._file) as temporary:
             temporary.write_text(json.dumps(asdict(note)))
 

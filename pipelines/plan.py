@@ -66,6 +66,6 @@ def has_begun(folder: Path) -> bool:
     return folder.is_dir() and any(folder.iterdir())
 
 
-def artefacts_of(plans: list[StagePlan]) -> dict[str, Artefact]:
+def finished_artefacts(plans: list[StagePlan]) -> dict[str, Artefact]:
     """Return the finished artefacts by stage."""
     return {one.stage.name: one.artefact for one in plans if one.artefact is not None}

@@ -45,7 +45,7 @@ class RunResult:
     """Those that the run left unfinished because it was asked to end."""
 
 
-def jobs_of(recipe: Recipe, workspace: Workspace, data_folder: Path | None, device: str) -> list[Job]:
+def make_jobs(recipe: Recipe, workspace: Workspace, data_folder: Path | None, device: str) -> list[Job]:
     """Return a job for each motion of a recipe.
 
     Raises:
@@ -85,7 +85,7 @@ class RecipeRunner:
             CatalogueError: a motion is not in the catalogue, or needs a data folder and there is none.
         """
         self.recipe, self.engine, self.observer = recipe, engine, observer or RunObserver()
-        self.jobs = {job.motion: job for job in jobs_of(recipe, workspace, data_folder, engine.device)}
+        self.jobs = {job.motion: job for job in make_jobs(recipe, workspace, data_folder, engine.device)}
         self.workspace = Workspace(workspace.root.absolute())
         self._should_stop = should_stop
         self._queue = deque(self.jobs)
@@ -113,7 +113,7 @@ class RecipeRunner:
                 self.workspace.stop_file.unlink(missing_ok=True)
         result = RunResult(tuple(self._finished), dict(self._failed), tuple(self._stopped))
         counts = {"finished": len(result.finished), "failed": len(result.failed), "stopped": len(result.stopped)}
-        self._emit("run_finished", seconds=time.monotonic() - started, figures=counts)
+        self._emit("run_finished", seconds=time.monotonic() - started, metrics=counts)
         return result
 
     def _begin(self) -> None:
@@ -131,7 +131,7 @@ class RecipeRunner:
             temporary.write_text(json.dumps(record, indent=2) + "\n")
         for motion in self.jobs:
             self.workspace.progress(motion).unlink(missing_ok=True)
-        self._emit("run_started", detail=self.recipe.name, figures={"motions": len(self.jobs)})
+        self._emit("run_started", detail=self.recipe.name, metrics={"motions": len(self.jobs)})
 
     def _step(self) -> None:
         """Start what can be started, and take in what has ended."""
@@ -159,7 +159,7 @@ class RecipeRunner:
                     return
                 if one.artefact is not None:
                     done.append(one)
-                    remarks = one.artefact.record.figures.get("clip_remarks", ())
+                    remarks = one.artefact.record.metrics.get("clip_remarks", ())
                     if remarks and motion not in self._assessed:
                         self._assessed.add(motion)
                         self._emit("clip_assessed", motion, stage, "; ".join(remarks))
@@ -216,8 +216,8 @@ class RecipeRunner:
         """Note that all stages of a motion are done."""
         self._finished.append(motion)
         self.workspace.failure(motion).unlink(missing_ok=True)
-        figures = {name: value for one in done if one.artefact for name, value in one.artefact.record.figures.items()}
-        self._emit("motion_finished", motion, figures=figures)
+        metrics = {name: value for one in done if one.artefact for name, value in one.artefact.record.metrics.items()}
+        self._emit("motion_finished", motion, metrics=metrics)
 
     def _pass_on_progress(self) -> None:
         """Tell how far the stages are that have come farther."""
@@ -236,7 +236,7 @@ class RecipeRunner:
                     note.total,
                     note.seconds,
                     note.seconds_left,
-                    note.figures,
+                    note.metrics,
                 )
             )
 

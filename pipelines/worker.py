@@ -12,7 +12,7 @@ from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.pipelines.artefacts import ArtefactRecord
 from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
-from kine2go_warp.pipelines.plan import StagePlan, artefacts_of, plan
+from kine2go_warp.pipelines.plan import StagePlan, finished_artefacts, plan
 from kine2go_warp.pipelines.stages import StageOutput
 from kine2go_warp.pipelines.workspace import MotionLog
 from kine2go_warp.revision import revision
@@ -55,7 +55,7 @@ def run_stage(job: Job, stage: str) -> Outcome:
             return outcome("failed", f"a worker has {here} to do: its software or files differ; start the run again")
         log.write(f"{stage} begins on {job.device}: {following.why}")
         made = make(job, following, plans)
-        log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.figures}")
+        log.write(f"{stage} done in {time.monotonic() - started:.1f} s: {made.metrics}")
         return outcome("done")
     except (TrainingInterrupted, StageStopped) as error:
         return outcome("stopped", str(error))
@@ -75,13 +75,13 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
     started = time.monotonic()
     monitor = Monitor(job, stage.name)
     with slot.build(keep=stage.resumable) as folder:
-        made = stage.make(job, artefacts_of(plans), folder, monitor)
+        made = stage.make(job, finished_artefacts(plans), folder, monitor)
         record = ArtefactRecord(
             stage=stage.name,
             motion=job.motion,
             inputs=slot.inputs,
             output=made.output,
-            figures=made.figures,
+            metrics=made.metrics,
             seconds=round(time.monotonic() - started, 3),
             finished=datetime.now(UTC).isoformat(timespec="microseconds"),
             software=f"{__version__} {revision()}".strip(),

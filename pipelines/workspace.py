@@ -96,7 +96,7 @@ class Workspace:
         with locked(lock) as is_ours:
             if not is_ours:
                 raise PipelineError(
-                    f"{self.root}: another run works here ({holder_of(lock)}); wait for it, "
+                    f"{self.root}: another run works here ({lock_holder(lock)}); wait for it, "
                     "look at it with 'kine2go status', or choose another folder with --out"
                 )
             since = datetime.now(UTC).isoformat(timespec="seconds")
@@ -122,7 +122,7 @@ class MotionLog:
             return
 
 
-def holder_of(lock: Path) -> str:
+def lock_holder(lock: Path) -> str:
     """Return in words who holds the lock of a workspace."""
     try:
         holder = json.loads(lock.read_text())

@@ -98,13 +98,13 @@ def problems_of_urdf(spec: RobotSpec) -> Iterator[str]:
             name = joint.attrib["name"]
             if (found := joint_link(joint, "parent")) != parent:
                 yield f"{spec.urdf}: {name} is on {found}; the {part} joint of {leg.name} must be on {parent}"
-            xyz, rpy = vector_of(joint, "origin", "xyz", "0 0 0"), vector_of(joint, "origin", "rpy", "0 0 0")
+            xyz, rpy = read_vector(joint, "origin", "xyz", "0 0 0"), read_vector(joint, "origin", "rpy", "0 0 0")
             if np.abs(xyz - offset).max() > TOLERANCE or np.abs(rpy).max() > TOLERANCE:
                 yield (
                     f"{spec.urdf}: {name} is at {xyz.tolist()} turned by {rpy.tolist()}; the specification has it at "
                     f"{list(offset)}, not turned"
                 )
-            turn = vector_of(joint, "axis", "xyz", "1 0 0")
+            turn = read_vector(joint, "axis", "xyz", "1 0 0")
             if axis is not None and np.abs(turn - axis).max() > TOLERANCE:
                 yield f"{spec.urdf}: {name} turns about {turn.tolist()}; the {part} joint must turn about {list(axis)}"
             parent = joint_link(joint, "child")
@@ -113,7 +113,7 @@ def problems_of_urdf(spec: RobotSpec) -> Iterator[str]:
             yield f"{spec.urdf}: {parent} has no collision sphere of foot_radius, {spec.foot_radius} m"
 
 
-def vector_of(element: ElementTree.Element, child: str, attribute: str, default: str) -> NDArray[np.float64]:
+def read_vector(element: ElementTree.Element, child: str, attribute: str, default: str) -> NDArray[np.float64]:
     """Return three numbers of a child element, or the default if it is not there."""
     found = element.find(child)
     return np.array((default if found is None else found.get(attribute, default)).split(), dtype=np.float64)

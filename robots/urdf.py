@@ -87,7 +87,7 @@ def merge_fixed_links(root: ElementTree.Element) -> None:
     for joint in root.findall("joint[@type='fixed']"):
         # The parent may itself have been merged meanwhile: its name is read now.
         parent, child = links[joint_link(joint, "parent")], links[joint_link(joint, "child")]
-        pose = origin_of(joint)
+        pose = read_origin(joint)
         add_inertia(parent, child, pose)
         for shape in [*child.findall("collision"), *child.findall("visual")]:
             move_origin(shape, pose)
@@ -108,7 +108,7 @@ def joint_link(joint: ElementTree.Element, role: str) -> str:
     return element.attrib["link"]
 
 
-def origin_of(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
+def read_origin(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
     """Return position [m] and rotation of an element in its parent's frame; the identity if it has no origin."""
     from scipy.spatial.transform import Rotation
 
@@ -119,7 +119,7 @@ def origin_of(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
 
 def move_origin(element: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
     """Express an element's origin in the frame in which its own frame has ``pose``."""
-    position, rotation = origin_of(element)
+    position, rotation = read_origin(element)
     origin = element.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(element, "origin")
@@ -127,7 +127,7 @@ def move_origin(element: ElementTree.Element, pose: "tuple[NDArray, Rotation]") 
     origin.set("rpy", numbers((pose[1] * rotation).as_euler("xyz")))
 
 
-def inertia_of(link: ElementTree.Element) -> Inertia:
+def read_inertia(link: ElementTree.Element) -> Inertia:
     """Return mass, centre of mass and inertia of a link, nothing for one without ``inertial``."""
     inertial = link.find("inertial")
     if inertial is None:
@@ -136,7 +136,7 @@ def inertia_of(link: ElementTree.Element) -> Inertia:
     if mass is None or inertia is None:
         raise Kine2GoError(f"URDF: link {link.attrib.get('name')} has an inertial without mass or inertia")
     xx, xy, xz, yy, yz, zz = (float(inertia.attrib[f"i{axes}"]) for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
-    centre, rotation = origin_of(inertial)
+    centre, rotation = read_origin(inertial)
     turn = rotation.as_matrix()
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return float(mass.attrib["value"]), centre, turn @ matrix @ turn.T
@@ -145,8 +145,8 @@ def inertia_of(link: ElementTree.Element) -> Inertia:
 def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
     """Write the inertia of both links together into the parent; ``pose`` is the child's in the parent's frame."""
     turn = pose[1].as_matrix()
-    mass, centre, inertia = inertia_of(child)
-    parts = [inertia_of(parent), (mass, pose[0] + turn @ centre, turn @ inertia @ turn.T)]
+    mass, centre, inertia = read_inertia(child)
+    parts = [read_inertia(parent), (mass, pose[0] + turn @ centre, turn @ inertia @ turn.T)]
     total = sum(mass for mass, _, _ in parts)
     if total == 0.0:
         return

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.cli.data import ClipPaths
+from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.ablation import BUNDLED, AblationConfig
 
@@ -25,8 +25,7 @@ class Ablate:
     """TOML file of variants: preset = NAME, and a section [variants.NAME] of changed settings for each."""
     out: Path = Path("runs/ablation")
     """Folder for the policies and their results; the same command runs what is missing there."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     processes: int = 1
     """Processes that share a simulation on a CPU."""
     table: bool = False

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import data_folder
+from kine2go_warp.cli.data import CatalogueFile, Device, Robot, data_folder
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -27,8 +27,8 @@ class Bench:
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    catalogue: CatalogueFile = None
+    device: Device = None
     num_worlds: int | None = None
     """Worlds simulated at once; by default 512 on a CPU and 8192 on a GPU."""
     preset: Literal["fast", "paper", "robust"] = "fast"
@@ -41,8 +41,7 @@ class Bench:
     """Rows of a rollout of gather."""
     dataset: Path | None = None
     """Dataset to load."""
-    robot: str = DEFAULT_ROBOT
-    """Name of the robot, or FILE.py:NAME for one of your own."""
+    robot: Robot = DEFAULT_ROBOT
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False
@@ -73,7 +72,7 @@ class Bench:
             from kine2go_warp.bench.retargeting import bench_retargeting
 
             folder = data_folder(self.data)
-            entries = [entry for entry in load_catalogue().values() if entry.is_there(folder)]
+            entries = [entry for entry in load_catalogue(self.catalogue).values() if entry.is_there(folder)]
             return bench_retargeting(entries, folder, self.repeats, self.robot)
 
         if stage == "load":

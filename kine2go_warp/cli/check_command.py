@@ -38,21 +38,19 @@ class Check:
     def run(self) -> int:
         """Check, and print a table and one line for each array that is off."""
         from rich.console import Console
-        from rich.progress import Progress, TextColumn
 
+        from kine2go_warp.cli.progress import bar
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checks.run import check_dataset
         from kine2go_warp.scores.report import robot_note
 
         dataset, errors = open_dataset(self.dataset), Console(stderr=True)
-        with Progress(*Progress.get_default_columns(), TextColumn("{task.fields[motion]}"), console=errors,
-                      transient=True, disable=not errors.is_terminal) as progress:  # fmt: skip
-            task = progress.add_task("checking", motion="", total=None)
+        with bar("checking", errors) as advanced:
             report = check_dataset(
                 self.dataset,
                 dataset.robot,
                 self.motions,
-                lambda name, number, total: progress.update(task, completed=number - 1, total=total, motion=name),
+                lambda name, number, total: advanced(number - 1, total, name),
             )
         if self.json:
             print(json.dumps(report.to_json(), indent=2, allow_nan=False))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.cli.data import PolicyPath, data_folder
+from kine2go_warp.cli.data import CatalogueFile, DataFolder, Device, PolicyPath, data_folder
 from kine2go_warp.rollouts.config import GatherConfig
 
 
@@ -26,8 +26,7 @@ class Gather:
     """Which of the clips that the policy tracks; by default all, each as a motion of its own."""
     out: Path = Path("runs/dataset.zarr")
     """The dataset, a Zarr store; it is created, or the motions are added to it."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     strict: bool = False
     """Stop at the first fault of the simulation and save the state before it beside the policy."""
     config: tyro.conf.OmitArgPrefixes[GatherConfig] = field(default_factory=GatherConfig)
@@ -60,8 +59,8 @@ class Gather:
 class Doctor:
     """Show versions, devices and which motions can be used here."""
 
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    data: DataFolder = None
+    catalogue: CatalogueFile = None
 
     def run(self) -> int:
         """Print what is found."""
@@ -69,5 +68,5 @@ class Doctor:
         from kine2go_warp.motions.catalogue import load_catalogue
 
         print_machine()
-        print_motions(list(load_catalogue().values()), data_folder(self.data))
+        print_motions(list(load_catalogue(self.catalogue).values()), data_folder(self.data))
         return 0

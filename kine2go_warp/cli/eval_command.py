@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import PolicyPath
+from kine2go_warp.cli.data import Device, PolicyPath
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 
@@ -16,17 +16,11 @@ if TYPE_CHECKING:
     from kine2go_warp.evaluation.metrics import Result
     from kine2go_warp.tables import Table
 
-HEADLINES = {
-    "joint_rmse": "joint RMSE [rad]",
-    "root_error": "root error [m]",
-    "root_angle": "root angle [rad]",
-    "foot_error": "foot error [m]",
-    "action_rate": "action rate [1]",
-    "torque_saturation": "torque at limit [1]",
-    "power": "power [W]",
-    "cost_of_transport": "cost of transport [1]",
-}
-"""Metrics that are shown, with their headings."""
+HEADLINES = (
+    *("joint_rmse", "root_error", "root_angle", "foot_error"),
+    *("action_rate", "torque_saturation", "power", "cost_of_transport"),
+)
+"""Metrics that are shown."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +33,7 @@ class Eval:
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
     overwrite: bool = False
     """Replace the file if it is there; the one in the policy folder always is."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     config: tyro.conf.OmitArgPrefixes[EvalConfig] = field(default_factory=EvalConfig)
 
     def run(self) -> int:
@@ -114,6 +107,7 @@ def results_table(
         results: The results.
         more: Further columns, a text for each result, by their headings.
     """
+    from kine2go_warp.evaluation.metrics import METRICS_BY_NAME
     from kine2go_warp.tables import make_table, number_text
 
     more = more or {}
@@ -122,7 +116,8 @@ def results_table(
         share = f"{number_text(one.survival.value)} ({one.survival.low:.2f}-{one.survival.high:.2f})"
         numbers = (number_text(one.estimate(name).value) for name in HEADLINES)
         rows.append((one.clip, one.condition, share, *numbers, *(texts[index] for texts in more.values())))
-    headings = ("clip", condition, "survival [1] (95 %)", *HEADLINES.values(), *more)
+    columns = (f"{METRICS_BY_NAME[name].heading} [{METRICS_BY_NAME[name].unit}]" for name in HEADLINES)
+    headings = ("clip", condition, "survival [1] (95 %)", *columns, *more)
     return make_table(title, headings, rows, ("clip", condition))
 
 

@@ -23,20 +23,12 @@ class Export:
 
     def run(self) -> int:
         """Export with a progress bar and say what was written."""
-        from rich.progress import Progress
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import bar
         from kine2go_warp.exports.export import default_folder, export_dataset
         from kine2go_warp.tables import counted
 
         out = self.out or default_folder(self.dataset, self.format)
-        output = console()
-        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
-            task = progress.add_task(f"exporting to {self.format}", total=None)
-
-            def advanced(done: int, total: int) -> None:
-                progress.update(task, completed=done, total=total)
-
+        with bar(f"exporting to {self.format}") as advanced:
             record = export_dataset(self.dataset, self.format, out, self.motions, self.overwrite, advanced)
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
         trajectories, motions = counted(record.trajectories, "trajectory"), counted(len(record.motions), "motion")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import MotionNames, data_folder
+from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
@@ -41,25 +41,21 @@ class Retarget:
     """Names of catalogue entries, such as dog_trot."""
     all: bool = False
     """Every motion of the catalogue whose file is there."""
-    robot: str = DEFAULT_ROBOT
-    """Name of the robot, or FILE.py:NAME for one of your own."""
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    catalogue: Path | None = None
-    """TOML file with motions of your own, in the form of the catalogue."""
+    robot: Robot = DEFAULT_ROBOT
+    data: DataFolder = None
+    catalogue: CatalogueFile = None
     out: Path = Path("runs/clips")
     """Folder for the clips and their report.json."""
     sheets: bool = False
     """Draw a picture of each clip beside it."""
     markdown: Path | None = None
-    """Write the table of figures to this file, too."""
+    """Write the table of metrics to this file, too."""
     config: tyro.conf.OmitArgPrefixes[RetargetConfig] = field(default_factory=RetargetConfig)
 
     def run(self) -> int:
         """Retarget, save and print a table."""
-        from rich.progress import track
-
-        from kine2go_warp.cli.tables import console, print_clips
+        from kine2go_warp.cli.progress import tracked
+        from kine2go_warp.cli.tables import print_clips, say
         from kine2go_warp.files import atomic_file
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
         from kine2go_warp.motions.quality import assess, clip_remarks
@@ -73,9 +69,8 @@ class Retarget:
         missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
         solver = InverseKinematics(spec)
         present = [entry for entry in entries if entry not in missing]
-        output = console()
         qualities, failures = [], []
-        for entry in track(present, "retargeting", console=output, transient=True, disable=not output.is_terminal):
+        for entry in tracked(present, "retargeting"):
             try:
                 result = retarget(entry, folder, solver, self.config)
             except Kine2GoError as error:
@@ -95,7 +90,7 @@ class Retarget:
         print_clips(qualities, remarks, self.out)
         if missing:
             files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
-            output.print(f"not there: {', '.join(files)}", highlight=False, soft_wrap=True)
+            say(f"not there: {', '.join(files)}")
         for failure in failures:
             print(f"kine2go: error: {failure}", file=sys.stderr)
         return 2 if failures else 0
@@ -157,10 +152,8 @@ class Sources:
     """list: what there is. check: whether each file is there and whole. fetch: download what is missing."""
     motions: MotionNames = ()
     """Names of catalogue entries; by default all."""
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
-    catalogue: Path | None = None
-    """TOML file with motions of your own, in the form of the catalogue."""
+    data: DataFolder = None
+    catalogue: CatalogueFile = None
     url: str | None = None
     """Address below which the files lie as in the data folder; needed to fetch."""
     yes: bool = False

@@ -1,17 +1,40 @@
 """Progress of long work: a live bar in a terminal, plain lines elsewhere."""
 
 import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
+from typing import TypeVar
 
 import rich.progress
 from rich.console import Console
 from rich.table import Column
+
+from kine2go_warp.cli.tables import console
+
+Item = TypeVar("Item")
 
 PLAIN_INTERVAL = 10.0
 """Least time between two plain lines of one stage [s]."""
 
 FIRST_TIME_NOTES = {"train": "preparing (kernels compile once, for a minute)"}
 """What to show where a stage may be silent for long."""
+
+
+def tracked(items: Iterable[Item], text: str, output: Console | None = None) -> Iterable[Item]:
+    """Yield items with a bar that vanishes at the end, in a terminal only."""
+    output = output or console()
+    return rich.progress.track(items, text, console=output, transient=True, disable=not output.is_terminal)
+
+
+@contextmanager
+def bar(text: str, output: Console | None = None) -> Iterator[Callable[..., None]]:
+    """Show such a bar until the block ends; yield what moves it: steps done, all steps, and what is worked on."""
+    output = output or console()
+    columns = (*rich.progress.Progress.get_default_columns(), rich.progress.TextColumn("{task.fields[detail]}"))
+    with rich.progress.Progress(*columns, console=output, transient=True, disable=not output.is_terminal) as shown:
+        task = shown.add_task(text, total=None, detail="")
+        yield lambda done, total, detail="": shown.update(task, completed=done, total=total, detail=detail)
 
 
 class Progress:

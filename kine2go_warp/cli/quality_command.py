@@ -10,7 +10,7 @@ from kine2go_warp.cli.data import DatasetPath
 
 @dataclass(frozen=True)
 class Quality:
-    """Show the quality figures of a dataset's rollouts against the limits that they were filtered by."""
+    """Show the quality metrics of a dataset's rollouts against the limits that they were filtered by."""
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
@@ -29,11 +29,10 @@ class Quality:
         dataset = open_dataset(self.dataset)
         names = scored_motions(dataset, self.motions)
         found = {name: distributions(self.dataset, name) for name in names}
-        for name, figures in found.items():
-            print_distributions(name, figures, dataset.motion(name).attributes)
+        for name, metrics in found.items():
+            print_distributions(name, metrics, dataset.motion(name).attributes)
         if note := review_note(dataset, self.motions):
             print(f"{self.dataset}: {note}")
         if self.picture is not None:
-            self.picture.parent.mkdir(parents=True, exist_ok=True)
             draw_distributions(found, self.picture)
         return 0

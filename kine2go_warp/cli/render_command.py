@@ -40,25 +40,14 @@ class Render:
 
     def run(self) -> int:
         """Draw with a progress bar and say what was written."""
-        from rich.progress import Progress
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import bar
         from kine2go_warp.renders.video import RenderConfig, render_video
 
         width, height = parsed_size(self.size)
         config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
-        output = console()
-        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
-            task = progress.add_task("drawing", total=None)
-            record = render_video(
-                self.dataset,
-                self.motion,
-                self.trajectories or (0,),
-                self.out,
-                config,
-                lambda done, total: progress.update(task, completed=done, total=total),
-                self.overwrite,
-            )
+        chosen = self.trajectories or (0,)
+        with bar("drawing") as advanced:
+            record = render_video(self.dataset, self.motion, chosen, self.out, config, advanced, self.overwrite)
         print(
             f"{self.out}: {record.pictures} pictures of {width}x{height}, {record.pictures / record.fps:.1f} s at "
             f"{record.fps:g} a second, {self.out.stat().st_size / 1e6:.2f} MB"

@@ -32,9 +32,8 @@ class Replay:
 
     def run(self) -> int:
         """Replay, print a table, and return 1 if a replay on the same device is not the same bit for bit."""
-        from rich.progress import track
-
-        from kine2go_warp.cli.tables import console, print_replays
+        from kine2go_warp.cli.progress import tracked
+        from kine2go_warp.cli.tables import print_replays, say
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.device import choose_device
         from kine2go_warp.errors import DatasetError
@@ -45,12 +44,11 @@ class Replay:
             raise DatasetError("count must be at least 1")
         dataset = open_dataset(self.dataset)
         motions = [self.motion] if self.motion is not None else dataset.motions
-        output = console()
         results: list[tuple[str, str, list[ReplayResult]]] = []
-        for motion in track(motions, "replaying", console=output, transient=True, disable=not output.is_terminal):
+        for motion in tracked(motions, "replaying"):
             opened = dataset.motion(motion)
             if note := model_difference(opened.attributes, dataset.robot):
-                output.print(f"{motion}: made with another robot model ({note})")
+                say(f"{motion}: made with another robot model ({note})")
             gathered_on = str(opened.attributes.get("device", "cpu"))
             device = choose_device(self.device or gathered_on)
             chosen = list(range(min(self.count, len(opened.lengths))))

@@ -23,20 +23,12 @@ class Report:
 
     def run(self) -> int:
         """Write the page with a progress bar and say where it is."""
-        from rich.progress import Progress
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import bar
         from kine2go_warp.reports.report import default_path, write_report
         from kine2go_warp.tables import counted
 
         path = self.out or default_path(self.dataset)
-        output = console()
-        with Progress(console=output, transient=True, disable=not output.is_terminal) as progress:
-            task = progress.add_task("reporting", total=None)
-
-            def advanced(done: int, total: int, motion: str) -> None:
-                progress.update(task, completed=done, total=total, description=f"reporting {motion}".rstrip())
-
+        with bar("reporting") as advanced:
             parts = write_report(self.dataset, path, self.motions, self.pictures, self.overwrite, advanced)
         trajectories = counted(sum(part.trajectories for part in parts), "trajectory")
         print(

@@ -108,18 +108,14 @@ class Review:
 
     def _record_motions(self) -> list[Path]:
         """Write the recordings that are missing or show something else, and return all."""
-        from rich.progress import track
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import tracked
         from kine2go_warp.recordings.cache import RecordingCache
         from kine2go_warp.recordings.motion import Style
         from kine2go_warp.tables import counted
 
-        output = console()
         cache = RecordingCache(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
         paths = []
-        motions = self._motions()
-        for motion in track(motions, "recording", console=output, transient=True, disable=not output.is_terminal):
+        for motion in tracked(self._motions(), "recording"):
             one = cache.ensure(motion)
             state = "written" if one.is_new else "up to date"
             size = one.path.stat().st_size / 1e6

@@ -99,11 +99,11 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
 def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
     """Return the trajectories to look at, those closest to a limit first."""
     from rich.console import Console
-    from rich.progress import track
 
-    console = Console(stderr=True)
+    from kine2go_warp.cli.progress import tracked
+
     found: list[LimitUsage] = []
-    for motion in track(motions, "reading", console=console, transient=True, disable=not console.is_terminal):
+    for motion in tracked(motions, "reading", Console(stderr=True)):
         done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
         found += limit_usages(motion, wanted)
@@ -111,23 +111,23 @@ def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
 
 
 def described(usage: LimitUsage, motion: Motion) -> str:
-    """Return the figures of a trajectory in a few lines."""
+    """Return the metrics of a trajectory in a few lines."""
     from kine2go_warp.recordings.summary import grouped, label, shown
 
     one = usage.reference
     share = "unknown" if math.isinf(usage.worst_limit_ratio) else f"{usage.worst_limit_ratio:.0%}"
     lines = [f"{one.motion}/{one.index}  limit usage {share}  {motion.time[one.length - 1]:.1f} s"]
-    for limit, figure, bound in zip(FILTER_METRICS, usage.metrics, usage.limits, strict=True):
-        if math.isnan(figure):
+    for limit, metric, bound in zip(FILTER_METRICS, usage.metrics, usage.limits, strict=True):
+        if math.isnan(metric):
             continue
         of = "" if math.isnan(bound) else f" of {bound:g}"
         unit = "" if limit.unit == "1" else f" {limit.unit}"
         mark = "  <" if limit.label == usage.worst else ""
-        lines.append(f"  {limit.label:<14} {figure:.4g}{of}{unit}{mark}")
+        lines.append(f"  {limit.label:<14} {metric:.4g}{of}{unit}{mark}")
     said = {STORED, *(f"quality/{limit.name}" for limit in FILTER_METRICS)}
     for title, names in grouped(motion).items():
-        figures = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names if name not in said)
-        lines.append(f"  {title:<14} {figures}")
+        metrics = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names if name not in said)
+        lines.append(f"  {title:<14} {metrics}")
     return "\n".join(lines)
 
 

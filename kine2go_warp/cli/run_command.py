@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import RecipePath, data_folder
+from kine2go_warp.cli.data import DataFolder, Device, RecipePath, data_folder
 from kine2go_warp.errors import PipelineError
 from kine2go_warp.settings import override
 
@@ -24,12 +24,10 @@ class RecipeOptions:
 
     recipe: RecipePath
     """A TOML file, or the name of a bundled recipe."""
-    data: Path | None = None
-    """Folder of the source clips; by default the environment variable KINE2GO_DATA."""
+    data: DataFolder = None
     out: Path | None = None
     """Folder for the results; by default runs/NAME of the recipe."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     motions: tuple[str, ...] = ()
     """Motions, instead of the recipe's."""
     iterations: int | None = None
@@ -154,8 +152,7 @@ class Demo:
 
     out: Path = Path("runs/demo")
     """Folder for the results."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
 
     def run(self) -> int:
         """Run the recipe ``demo``."""
@@ -173,11 +170,11 @@ class Status(RecipeOptions):
         """Print the tables."""
         from kine2go_warp.cli.status import print_status
         from kine2go_warp.device import choose_device
-        from kine2go_warp.pipelines.runner import jobs_of
+        from kine2go_warp.pipelines.runner import make_jobs
 
         recipe = self.resolved()
         workspace = self.workspace(recipe)
         # A cluster's device need not exist on this machine.
         device = self.device or choose_device(None)
-        print_status(jobs_of(recipe, workspace, data_folder(self.data), device), self.json)
+        print_status(make_jobs(recipe, workspace, data_folder(self.data), device), self.json)
         return 0

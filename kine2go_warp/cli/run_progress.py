@@ -11,13 +11,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from kine2go_warp.cli.progress import FIRST_TIME_NOTES, PLAIN_INTERVAL
 from kine2go_warp.pipelines.events import Event, RunObserver
-
-PLAIN_INTERVAL = 10.0
-"""Least time between two plain lines of one motion's progress [s]."""
-
-FIRST_TIME = "preparing (kernels compile once, for a minute)"
-"""What to show of a training before its first iteration."""
 
 
 class PlainLines(RunObserver):
@@ -93,13 +88,13 @@ class LiveTable(RunObserver):
             right = heading in ("done", "reward", "accepted", "time left")
             table.add_column(heading, justify="right" if right else "left", no_wrap=True)
         for motion, event in self._now.items():
-            figures = event.figures
+            metrics = event.metrics
             table.add_row(
                 motion,
                 event.stage,
                 f"{event.done}/{event.total}" if event.total else "",
-                f"{figures['reward']:.2f}" if figures.get("reward") is not None else "",
-                f"{figures['accepted']:.0f}" if "accepted" in figures else "",
+                f"{metrics['reward']:.2f}" if metrics.get("reward") is not None else "",
+                f"{metrics['accepted']:.0f}" if "accepted" in metrics else "",
                 duration(event.seconds_left),
                 what_is_shown(event),
             )
@@ -119,25 +114,25 @@ def observer_for(as_json: bool) -> LiveTable | PlainLines:
 def what_is_shown(event: Event) -> str:
     """Return the details of a stage, or why there are none yet."""
     if event.kind == "stage_started" or not event.total:
-        return FIRST_TIME if event.stage == "train" else ""
+        return FIRST_TIME_NOTES.get(event.stage, "")
     return event.detail
 
 
 def sentence(event: Event) -> str:
     """Return an event in a line of text, empty if it is not worth one."""
     where = f"{event.motion} {event.stage}".strip()
-    rejected = ", ".join(f"{count} {reason}" for reason, count in event.figures.get("reasons", {}).items())
+    rejected = ", ".join(f"{count} {reason}" for reason, count in event.metrics.get("reasons", {}).items())
     lines = {
         "stage_started": f"{where}: {event.detail}",
         "progress": f"{where}: {event.done}/{event.total}  {event.detail}  {duration(event.seconds_left)}".rstrip(),
         "stage_finished": f"{where}: done in {duration(event.seconds)}",
         "clip_assessed": f"{event.motion}: the clip is doubtful: {event.detail}",
         "worker_died": f"{where}: {event.detail}; trying again",
-        "motion_finished": f"{event.motion}: {event.figures.get('accepted', 0)} rollouts accepted"
+        "motion_finished": f"{event.motion}: {event.metrics.get('accepted', 0)} rollouts accepted"
         + (f" (rejected: {rejected})" if rejected else ""),
         "motion_failed": f"kine2go: error: {event.motion}: {event.stage}: {event.detail}",
         "motion_stopped": f"{where}: stopped; the same command goes on from here",
-        "run_finished": ", ".join(f"{count} {state}" for state, count in event.figures.items())
+        "run_finished": ", ".join(f"{count} {state}" for state, count in event.metrics.items())
         + f" in {duration(event.seconds)}",
     }
     if event.kind == "progress" and not event.total:

@@ -10,15 +10,8 @@ from kine2go_warp.errors import DatasetError
 if TYPE_CHECKING:
     from kine2go_warp.scores.report import DatasetScores
 
-HEADLINES = {
-    "joint_rmse": "joint RMSE",
-    "root_error": "root error",
-    "foot_error": "foot error",
-    "body_emd": "body EMD",
-    "foot_slip": "foot slip",
-    "acceptance": "accepted",
-}
-"""Figures that are shown of every motion, with their headings."""
+HEADLINES = ("joint_rmse", "root_error", "foot_error", "body_emd", "foot_slip", "acceptance")
+"""Metrics that are shown of every motion."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +23,7 @@ class Score:
     motions: MotionNames = ()
     """Names of its motions; by default all of them."""
     json: Path | None = None
-    """Write all figures of all motions to this file."""
+    """Write all metrics of all motions to this file."""
     plots: Path | None = None
     """Draw root paths and errors over the cycle of each motion into this folder."""
     overwrite: bool = False
@@ -38,33 +31,31 @@ class Score:
 
     def run(self) -> int:
         """Score, write and draw, and print tables."""
-        from rich.progress import track
-
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.progress import tracked
+        from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset import open_dataset
-        from kine2go_warp.scores.plots import curves_of, draw
+        from kine2go_warp.scores.plots import compute_curves, draw
         from kine2go_warp.scores.report import measure, review_note, robot_note, score, scored_motions, write_json
 
         dataset = open_dataset(self.dataset)
         names = scored_motions(dataset, self.motions)
         self._check_outputs()
-        output = console()
         measured, curves = [], []
-        for name in track(names, "scoring", console=output, transient=True, disable=not output.is_terminal):
+        for name in tracked(names, "scoring"):
             data = dataset.load(name)
             measured.append(measure(data, dataset.robot))
             if self.plots is not None:
-                curves.append(curves_of(data))
+                curves.append(compute_curves(data))
         scores = score(measured)
         if self.json is not None:
             write_json(self.dataset, measured, scores, self.json)
         if self.plots is not None:
-            for one in track(curves, "drawing", console=output, transient=True, disable=not output.is_terminal):
+            for one in tracked(curves, "drawing"):
                 draw(one, self.plots)
         print_scores(scores, self.dataset)
         for note in (review_note(dataset, self.motions), robot_note(dataset, dataset.robot)):
             if note:
-                output.print(f"{self.dataset}: {note}", highlight=False, soft_wrap=True, markup=False)
+                say(f"{self.dataset}: {note}")
         return 0
 
     def _check_outputs(self) -> None:
@@ -76,7 +67,7 @@ class Score:
         if self.plots is not None and self.plots.exists() and not self.plots.is_dir():
             raise DatasetError(f"{self.plots}: is a file; name a folder for the pictures")
         if self.json is not None and self.json.is_dir():
-            raise DatasetError(f"{self.json}: is a folder; name a file for the figures")
+            raise DatasetError(f"{self.json}: is a folder; name a file for the metrics")
         if self.overwrite:
             return
         if self.json is not None and self.json.exists():
@@ -86,7 +77,7 @@ class Score:
 
 
 def print_scores(scores: "DatasetScores", dataset: Path) -> None:
-    """Print a line for each motion, then all figures of all of them together."""
+    """Print a line for each motion, then all metrics of all of them together."""
     from kine2go_warp.cli.tables import print_table
     from kine2go_warp.scores.registry import METRICS
     from kine2go_warp.tables import Column, make_table, number_text
@@ -94,7 +85,7 @@ def print_scores(scores: "DatasetScores", dataset: Path) -> None:
     motions, known = list(scores.motions), {metric.name: metric for metric in METRICS}
     if len(motions) > 1:
         columns = [Column("motion", number=False)]
-        columns += [Column(heading, known[name].unit) for name, heading in HEADLINES.items()]
+        columns += [Column(known[name].heading, known[name].unit) for name in HEADLINES]
         rows = [
             (motion, *(number_text(estimates[name].value) for name in HEADLINES))
             for motion, estimates in scores.motions.items()
@@ -106,5 +97,5 @@ def print_scores(scores: "DatasetScores", dataset: Path) -> None:
         one = scores.overall[metric.name]
         interval = f"{number_text(one.low)} to {number_text(one.high)}"
         rows.append((metric.name, metric.unit, number_text(one.value), interval, metric.better))
-    headings = ("figure", "unit", "mean", "95 % interval", "better")
-    print_table(make_table(f"{dataset}: {title}", headings, rows, ("figure", "unit", "better")))
+    headings = ("metric", "unit", "mean", "95 % interval", "better")
+    print_table(make_table(f"{dataset}: {title}", headings, rows, ("metric", "unit", "better")))

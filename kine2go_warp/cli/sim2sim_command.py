@@ -74,6 +74,8 @@ def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Compa
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same initial states"
     print_table(results_table(title, "simulator", [result for one in found for result in (one.newton, one.mujoco)]))
+    if unknown := found[0].unknown_ends:
+        say(f"plain MuJoCo does not know these terminations of the training: {', '.join(unknown)}")
     for one in found:
         parts = ", ".join(f"{1e3 * distance:.2g} mm after {time:g} s" for time, distance in one.apart.items())
         say(f"{one.newton.clip}: roots apart (median): {parts}")

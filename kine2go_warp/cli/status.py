@@ -10,10 +10,11 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.pipelines.job import Job, read_progress
 from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.stages import STAGES
-from kine2go_warp.pipelines.workspace import Workspace, holder_of, is_locked
+from kine2go_warp.pipelines.workspace import Workspace, is_locked, lock_holder
+from kine2go_warp.tables import make_table
 
-FIGURES = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
-"""Figures of a motion that are shown, and how."""
+METRICS = {"accepted": "{:.0f}", "joint_rmse": "{:.3f}", "root_error": "{:.3f}", "foot_slip": "{:.3f}"}
+"""Metrics of a motion that are shown, and how."""
 
 
 @dataclass
@@ -29,10 +30,10 @@ class MotionStatus:
     """Why it would run."""
     failure: str = ""
     """Why the last run failed at this motion, if it did."""
-    figures: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
 
 
-def status_of(job: Job, is_running: bool) -> MotionStatus:
+def motion_status(job: Job, is_running: bool) -> MotionStatus:
     """Return what is known of one motion."""
     found = MotionStatus(job.motion)
     note = read_progress(job.workspace.progress(job.motion)) if is_running else None
@@ -40,7 +41,7 @@ def status_of(job: Job, is_running: bool) -> MotionStatus:
         for one in plan(job):
             found.stages[one.stage.name] = cell(one)
             if one.artefact is not None:
-                found.figures.update(one.artefact.record.figures)
+                found.metrics.update(one.artefact.record.metrics)
             if one.state == "next":
                 found.next_stage, found.why = one.stage.name, one.why
                 if note is not None and note.stage == one.stage.name:
@@ -66,39 +67,27 @@ def print_status(jobs: Sequence[Job], as_json: bool) -> None:
     """Print what is done, what would run and why, and what failed."""
     workspace: Workspace = jobs[0].workspace
     running = is_locked(workspace.root)
-    found = [status_of(job, running) for job in jobs]
+    found = [motion_status(job, running) for job in jobs]
     if as_json:
         values = {"folder": str(workspace.root), "running": running, "motions": [vars(one) for one in found]}
         print(json.dumps(values, indent=2))
         return
 
-    from rich.markup import escape
-    from rich.table import Table
+    from kine2go_warp.cli.tables import print_table, say
 
-    from kine2go_warp.cli.tables import console
-
-    output = console()
-    who = f", now running: {holder_of(workspace.root / '.lock')}" if running else ""
-    table = Table(title=escape(f"{workspace.root}{who}"), title_justify="left")
-    table.add_column("motion", overflow="fold")
-    for stage in STAGES:
-        table.add_column(stage.name, justify="right")
-    for name in FIGURES:
-        table.add_column(name.replace("_", "\n"), justify="right")
+    who = f", now running: {lock_holder(workspace.root / '.lock')}" if running else ""
+    headings = ("motion", *(stage.name for stage in STAGES), *(name.replace("_", " ") for name in METRICS))
+    rows = []
     for one in found:
-        figures = [form.format(one.figures[name]) if name in one.figures else "" for name, form in FIGURES.items()]
-        table.add_row(one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *figures)
-    output.print(table)
+        metrics = [form.format(one.metrics[name]) if name in one.metrics else "" for name, form in METRICS.items()]
+        rows.append((one.motion, *(one.stages.get(stage.name, "-") for stage in STAGES), *metrics))
+    print_table(make_table(f"{workspace.root}{who}", headings, rows, ("motion",)))
     for one in found:
-        if remarks := one.figures.get("clip_remarks"):
-            line = f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}"
-            output.print(line, highlight=False, markup=False, soft_wrap=True)
+        if remarks := one.metrics.get("clip_remarks"):
+            say(f"{one.motion}: the clip is doubtful: {'; '.join(remarks)}")
         if one.next_stage:
-            line = f"{one.motion}: would run {one.next_stage}: {one.why}"
-            output.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(f"{one.motion}: would run {one.next_stage}: {one.why}")
         if one.failure:
-            output.print(
-                f"{one.motion}: failed last time at {one.failure}", highlight=False, markup=False, soft_wrap=True
-            )
+            say(f"{one.motion}: failed last time at {one.failure}")
     if not any(one.next_stage for one in found):
-        output.print("everything is done", highlight=False)
+        say("everything is done")

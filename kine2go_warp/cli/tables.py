@@ -117,7 +117,7 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
         for row in summaries
     ]
     columns = ("motion", "accepted", "rejected in review", "duration [s]", *headings)
-    print_table(make_table(f"{dataset} (figures computed from the data written)", columns, rows, ("motion",)))
+    print_table(make_table(f"{dataset} (computed from the data written)", columns, rows, ("motion",)))
     if recordings is not None:
         for row in summaries:
             path = recordings / f"{row.motion}.rrd"
@@ -141,14 +141,14 @@ def print_rejections(result: "GatherResult") -> None:
         )
 
 
-def print_distributions(motion: str, figures: "Sequence[Distribution]", attributes: dict[str, Any]) -> None:
-    """Print the figures of a motion's rollouts, why rollouts were rejected, and which ones are worth a look."""
+def print_distributions(motion: str, distributions: "Sequence[Distribution]", attributes: dict[str, Any]) -> None:
+    """Print the metrics of a motion's rollouts, why rollouts were rejected, and which ones are worth a look."""
     rows = []
-    for one in figures:
+    for one in distributions:
         values = (one.quantile(0.5), one.quantile(0.9), one.quantile(1.0), one.limit)
         rows.append((one.name, one.unit, *(f"{value:.4g}" for value in values)))
-    headings, texts = ("figure", "unit", "median", "90 %", "largest", "limit"), ("figure", "unit")
-    print_table(make_table(f"{motion}: {len(figures[0].accepted)} accepted rollouts", headings, rows, texts))
+    headings, texts = ("metric", "unit", "median", "90 %", "largest", "limit"), ("metric", "unit")
+    print_table(make_table(f"{motion}: {len(distributions[0].accepted)} accepted rollouts", headings, rows, texts))
     rejected = ", ".join(f"{count} {reason}" for reason, count in attributes.get("rejected", {}).items())
     say(f"rejected: {rejected or 'none'}")
     borderline = ", ".join(str(number) for number in attributes.get("borderline", ()))

@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import ClipPaths
+from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
@@ -29,8 +29,7 @@ class Train:
     """Clips (.npz) made by 'kine2go motion retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
-    device: str | None = None
-    """cpu or cuda; by default cuda where there is one."""
+    device: Device = None
     overwrite: bool = False
     """Start anew if the folder holds a policy of other clips or settings."""
     processes: int | None = None
@@ -141,7 +140,7 @@ def option(arguments: Sequence[str], name: str) -> str | None:
     return None
 
 
-def option_of(record: Named) -> tuple[Any, Any]:
+def record_option(record: Named) -> tuple[Any, Any]:
     """Return the type and the default of a record's option: those of its main field, if it has one."""
     name = record.main_field
     return (get_type_hints(type(record))[name], getattr(record, name)) if name else (type(record), record)
@@ -157,7 +156,7 @@ def by_name(info: tyro.constructors.StructTypeInfo) -> tyro.constructors.StructC
     if are_pairs(info.default):
         parts = [(name, float, value) for name, value in info.default]
     elif are_named(info.default):
-        parts = [(one.name, *option_of(one)) for one in info.default]
+        parts = [(one.name, *record_option(one)) for one in info.default]
     else:
         return None
 

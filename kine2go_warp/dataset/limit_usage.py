@@ -24,7 +24,7 @@ ERROR_ARRAYS = (
 )
 """What these errors are computed from."""
 
-STORED = "quality/limit_share"
+STORED = "quality/worst_limit_ratio"
 """The largest share of a limit, as gathering has found it."""
 
 

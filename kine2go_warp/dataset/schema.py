@@ -81,7 +81,7 @@ _QUALITY = (
 
 QUALITY_ARRAYS = (
     *(ArraySpec(name, ("trajectory",), METRICS[name].unit, METRICS[name].description) for name in _QUALITY),
-    ArraySpec("limit_share", ("trajectory",), "1", "largest of these figures as a share of its limit; 1 is rejected"),
+    ArraySpec("worst_limit_ratio", ("trajectory",), "1", "largest of these metrics as a share of its limit"),
 )
 """How good each rollout is, computed from its rows."""
 

@@ -34,7 +34,7 @@ class Moments:
         return np.sqrt(self.squares / np.maximum(self.count, 1))
 
 
-def moments_of(values: NDArray) -> Moments:
+def compute_moments(values: NDArray) -> Moments:
     """Return the moments of each column of values, shape [num_rows, ...]. NaN does not count."""
     values = np.asarray(values, dtype=np.float64)
     known = ~np.isnan(values)
@@ -102,7 +102,7 @@ def compute_statistics(
     found: dict[str, Moments] = {}
     for done, one in enumerate(dataset.trajectories(arrays=arrays), start=1):
         for name, values in one.arrays.items():
-            moments = moments_of(values)
+            moments = compute_moments(values)
             found[name] = merge(found[name], moments) if name in found else moments
         if on_trajectory is not None:
             on_trajectory(done, len(dataset.references))

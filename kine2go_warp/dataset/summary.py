@@ -11,7 +11,7 @@ from kine2go_warp.metrics import tracking_quality
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """One motion of a dataset in figures, means over the trajectories that no review rejected; NaN if none is left."""
+    """One motion of a dataset in metrics, means over the trajectories that no review rejected; NaN if none is left."""
 
     motion: str
     accepted: int

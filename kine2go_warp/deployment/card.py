@@ -1,6 +1,7 @@
 """The page that goes with an exported policy."""
 
 from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, OUTPUT_NAME, PolicyMetadata
+from kine2go_warp.tables import Cell, make_table, markdown
 
 USAGE = f"""```python
 import json, numpy as np, onnxruntime
@@ -19,9 +20,15 @@ def policy_card(metadata: PolicyMetadata) -> str:
     """Return the page as Markdown."""
     action = metadata.action
     per_joint = zip(metadata.joint_names, metadata.default_joint_position, metadata.torque_limit, strict=True)
-    joints = "\n".join(f"| `{name}` | {default:g} | {limit:g} |" for name, default, limit in per_joint)
-    rows = "\n".join(
-        f"| `{row.name}` | {row.start} | {row.stop} | {row.unit} | {row.description} |" for row in metadata.observation
+    joints = make_table(
+        "",
+        ("joint", "default position [rad]", "torque limit [N m]"),
+        ((Cell(name, code=True), f"{default:g}", f"{limit:g}") for name, default, limit in per_joint),
+    )
+    parts = make_table(
+        "",
+        ("name", "from", "to", "unit", "meaning"),
+        ((Cell(one.name, code=True), one.start, one.stop, one.unit, one.description) for one in metadata.observation),
     )
     clips = "\n".join(
         f"- `{clip.file}`: {clip.num_frames} frames of {clip.frame_duration:.6g} s a cycle. "
@@ -46,10 +53,7 @@ differ from it by at most {metadata.parity.onnx:.1e} (ONNX) and {metadata.parity
 - {metadata.torque_rule} stiffness {metadata.stiffness:g} N m/rad, damping {metadata.damping:g} N m s/rad, physics_rate
   {metadata.physics_rate:g} Hz, latency {1e3 * metadata.latency:.3g} ms.
 
-| joint | default position [rad] | torque limit [N m] |
-|---|---|---|
-{joints}
-
+{markdown(joints)}
 ## Clips
 
 The observation looks ahead in the clip, so that a clip is needed at run time. A cycle's end is its beginning moved on
@@ -61,7 +65,4 @@ by the cycle's displacement; between frames positions are interpolated linearly 
 
 {metadata.observation_size} numbers. {metadata.history_rule}
 
-| name | from | to | unit | meaning |
-|---|---|---|---|---|
-{rows}
-"""
+{markdown(parts)}"""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.deployment.metadata import ObservationRow, PolicyMetadata
 from kine2go_warp.deployment.reference import PlacedClip
-from kine2go_warp.deployment.rotations import about_z, heading, matrix_of
+from kine2go_warp.deployment.rotations import about_z, heading, to_matrix
 from kine2go_warp.errors import PolicyError
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ class ObservationBuilder:
     def _reference_at(self, state: MeasuredState, step: int) -> Quantities:
         """Return the reference at a control step as the robot sees it from where it is now."""
         root = self.reference.root(step)
-        to_heading = about_z(-heading(matrix_of(state.root_orientation)))
+        to_heading = about_z(-heading(to_matrix(state.root_orientation)))
         axes = to_heading @ root.rotation
         return {
             "reference_position_h": to_heading @ (root.position - state.root_position),
@@ -92,7 +92,7 @@ class ObservationBuilder:
 
 def own_state(state: MeasuredState, last_action: Array, default: Array) -> Quantities:
     """Return what the robot knows of itself."""
-    to_base = matrix_of(state.root_orientation).T
+    to_base = to_matrix(state.root_orientation).T
     return {
         "down_b": -to_base[:, 2],
         "linear_velocity_b": to_base @ state.root_linear_velocity,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.deployment.rotations import about_z, between, heading, matrix_of
+from kine2go_warp.deployment.rotations import about_z, between, heading, to_matrix
 from kine2go_warp.motions.clip import MotionClip
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ class PlacedClip:
     def __init__(self, clip: MotionClip, control_rate: float) -> None:
         self.clip = clip
         self.frames_per_step = 1.0 / (control_rate * clip.frame_duration)
-        self._rotations = [matrix_of(orientation) for orientation in clip.root_orientation]
+        self._rotations = [to_matrix(orientation) for orientation in clip.root_orientation]
         self._cycles: list[Pose] = []
         self.start_frame = 0.0
         self.place(0.0, (0.0, 0.0), 0.0)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def matrix_of(wxyz: NDArray) -> Array:
+def to_matrix(wxyz: NDArray) -> Array:
     """Return the rotation matrix of a quaternion, shape [3, 3]."""
     w, x, y, z = np.asarray(wxyz, np.float64) / np.linalg.norm(wxyz)
     return np.array(

@@ -19,7 +19,7 @@ from kine2go_warp.env.observations import (
 )
 from kine2go_warp.env.randomization import Randomization
 from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
-from kine2go_warp.env.terrain import build_height_field, reach_of
+from kine2go_warp.env.terrain import build_height_field, terrain_extent
 from kine2go_warp.kernels import observations, resets, terminations
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.kernels.rewards import sum_rewards
@@ -61,7 +61,7 @@ class ImitationEnvironment:
         self.clips = tuple(clips)
         self.spec = spec = robot_of(self.clips) if spec is None else spec
         with wp.ScopedDevice(self.device):
-            ground = build_height_field(config.terrain, reach_of(clips, config))
+            ground = build_height_field(config.terrain, terrain_extent(clips, config))
             self.constants = SpecArrays.upload(spec, self.device)
             self.simulation = Simulation(spec, config, ground, self.device)
             self.motors = Motors(config, self.constants)

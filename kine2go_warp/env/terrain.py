@@ -86,7 +86,7 @@ SHAPES = {"waves": waves, "steps": steps, "slopes": slopes}
 """Height of each kind of ground at given places."""
 
 
-def reach_of(clips: Sequence[MotionClip], config: EnvConfig) -> float:
+def terrain_extent(clips: Sequence[MotionClip], config: EnvConfig) -> float:
     """Return how far from the middle of the ground a reference may come in an episode [m]."""
     speeds = [np.hypot(clip.cycle.x, clip.cycle.y) / (clip.num_frames * clip.frame_duration) for clip in clips]
     # Within a cycle a reference may stray from the straight line.

@@ -19,6 +19,7 @@ from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import Preset, base_preset
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import content_hash, from_dictionary, to_dictionary
+from kine2go_warp.tables import make_table, markdown
 from kine2go_warp.toml import place_in, read_toml
 
 BUNDLED = Path(__file__).with_suffix(".toml")
@@ -175,16 +176,15 @@ def read_result(policy: PolicyFolder) -> dict[str, Any] | None:
 
 def ablation_table(motion: str, variants: Sequence[Variant], out: Path) -> str:
     """Return a Markdown table of one motion: medians over seeds, and least and greatest of how long it was tracked."""
-    rows = [["variant", *(column[0] for column in COLUMNS), "training [s]", "seeds"]]
-    rows.append(["---"] * len(rows[0]))
+    headings, rows = ("variant", *(column[0] for column in COLUMNS), "training [s]", "seeds"), []
     for variant in variants:
         folders = sorted((out / motion / variant.name).glob(f"seed-*/{RESULT_FILE}"))
         found = [result for path in folders if (result := read_result(PolicyFolder(path.parent))) is not None]
         if found:
             seconds = statistics.median(result["seconds"] for result in found)
             cells = [cell(found, *column) for column in COLUMNS]
-            rows.append([f"`{variant.name}`", *cells, f"{seconds:.0f}", str(len(found))])
-    return f"`{motion}`\n\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
+            rows.append((f"`{variant.name}`", *cells, f"{seconds:.0f}", len(found)))
+    return f"`{motion}`\n\n{markdown(make_table('', headings, rows))}"
 
 
 def cell(found: Sequence[dict[str, Any]], _title: str, condition: str, name: str, factor: float) -> str:

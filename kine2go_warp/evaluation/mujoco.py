@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp.deployment.controller import ExportedPolicy, PolicyController
 from kine2go_warp.deployment.observer import MeasuredState
-from kine2go_warp.deployment.rotations import matrix_of
+from kine2go_warp.deployment.rotations import to_matrix
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MotorState, MujocoRobot
 from kine2go_warp.errors import PolicyError
@@ -34,6 +34,10 @@ class Track:
             self.rows.setdefault(name, []).append(np.array(value))
 
 
+KNOWN_ENDS = ("non_finite", "overflow", "body_contact", "distance", "rotation", "time_out")
+"""Terminations that are computed here; MuJoCo's buffers grow, so that they never overflow."""
+
+
 class MujocoRollouts:
     """Lets an exported policy drive one robot after the other in plain MuJoCo."""
 
@@ -55,6 +59,8 @@ class MujocoRollouts:
         metadata = policy.metadata
         self.policy, self.config, self.spec = policy, config, robot_of(policy.clips)
         self.num_rows = config.rows(metadata.control_rate)
+        self.unknown_ends = tuple(one.name for one in trained.active_terminations if one.name not in KNOWN_ENDS)
+        """Terminations of the training that end no rollout here, as they are Warp kernels."""
         motors = MotorState(
             stiffness=np.full(12, metadata.stiffness),
             damping=np.full(12, metadata.damping),
@@ -102,7 +108,7 @@ class MujocoRollouts:
             root_orientation=orientation,
             # MuJoCo gives the velocity of the base link origin in the world, and the turn rate in the base frame.
             root_linear_velocity=data.qvel[:3].copy(),
-            root_angular_velocity=matrix_of(orientation) @ data.qvel[3:6],
+            root_angular_velocity=to_matrix(orientation) @ data.qvel[3:6],
             joint_position=data.qpos[7:].copy(),
             joint_velocity=data.qvel[FIRST_DOF:].copy(),
         )
@@ -170,4 +176,4 @@ class MujocoRollouts:
 def turn_between(wxyz: NDArray, rotation: NDArray) -> float:
     """Return the angle between two orientations [rad]."""
     # The trace of a rotation is 1 + 2 cos(angle); limits are far from where this loses digits.
-    return float(np.arccos(np.clip(0.5 * (np.sum(matrix_of(wxyz) * rotation) - 1.0), -1.0, 1.0)))
+    return float(np.arccos(np.clip(0.5 * (np.sum(to_matrix(wxyz) * rotation) - 1.0), -1.0, 1.0)))

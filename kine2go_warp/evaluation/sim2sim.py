@@ -27,6 +27,8 @@ class Comparison:
 
     newton: Result
     mujoco: Result
+    unknown_ends: tuple[str, ...]
+    """Terminations of the training that plain MuJoCo does not know."""
     apart: dict[float, float]
     """Median over the rollouts of the distance between the two roots [m], by the time since the beginning [s]."""
 
@@ -75,6 +77,7 @@ def sim2sim(
                 Comparison(
                     newton=measure(one, everyone, clip.name, "Newton", time, mujoco.spec, METRIC_NAMES),
                     mujoco=measure(other, everyone, clip.name, "MuJoCo", time, mujoco.spec, METRIC_NAMES),
+                    unknown_ends=mujoco.unknown_ends,
                     apart=apart(one, other, everyone, trained.control_rate),
                 )
             )

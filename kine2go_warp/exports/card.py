@@ -9,7 +9,7 @@ from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion
 from kine2go_warp.exports.fields import Field
-from kine2go_warp.tables import counted
+from kine2go_warp.tables import counted, make_table, markdown
 
 LICENCE_IDENTIFIERS = {
     "BSD-3-Clause": "bsd-3-clause",
@@ -48,7 +48,7 @@ def dataset_card(dataset: Dataset, form: str, fields: Sequence[Field], loading: 
         f"## Motions\n\n{motion_table(dataset, groups)}",
         f"## Licences and citations\n\nThe data of a motion carry the licence of its source.\n\n"
         f"{licence_table(dataset, groups)}",
-        f"## Quality\n\nMeans over the trajectories, from the figures stored with the data.\n\n"
+        f"## Quality\n\nMeans over the trajectories, from the metrics stored with the data.\n\n"
         f"{quality_table(dataset, groups)}",
         f"## Fields with one entry a row\n\n{field_table(first, fields)}",
         f"## Fields with one entry a trajectory\n\n{trajectory_table(first, form)}",
@@ -98,14 +98,14 @@ def licence_table(dataset: Dataset, motions: Iterable[str]) -> str:
 
 
 def quality_table(dataset: Dataset, groups: dict[str, list[TrajectoryReference]]) -> str:
-    """Return the mean of every figure of quality of each motion."""
+    """Return the mean of every metric of quality of each motion."""
     motion = dataset.motion(next(iter(groups)))
-    figures = [name for name, spec in motion.trajectory_arrays.items() if is_figure(name, spec.dims)]
+    metrics = [name for name, spec in motion.trajectory_arrays.items() if is_metric(name, spec.dims)]
     rows = []
     for name, references in groups.items():
-        rows.append((f"`{name}`", *(mean_text([one.values[figure] for one in references]) for figure in figures)))
-    described = [motion.trajectory_arrays[figure] for figure in figures]
-    headings = [f"{figure.partition('/')[2]} [{spec.unit}]" for figure, spec in zip(figures, described, strict=True)]
+        rows.append((f"`{name}`", *(mean_text([one.values[metric] for one in references]) for metric in metrics)))
+    described = [motion.trajectory_arrays[metric] for metric in metrics]
+    headings = [f"{metric.partition('/')[2]} [{spec.unit}]" for metric, spec in zip(metrics, described, strict=True)]
     meanings = [f"- `{spec.name.partition('/')[2]}`: {spec.description}" for spec in described]
     return "\n\n".join([table(("motion", *headings), rows), "\n".join(meanings)])
 
@@ -117,8 +117,8 @@ def mean_text(values: Sequence[float]) -> str:
     return f"{known.mean():.4g}" if len(known) else "-"
 
 
-def is_figure(name: str, dims: tuple[str, ...]) -> bool:
-    """Return whether an array of trajectories is a single figure of quality."""
+def is_metric(name: str, dims: tuple[str, ...]) -> bool:
+    """Return whether an array of trajectories is a single metric of quality."""
     return name.startswith("quality/") and dims == ("trajectory",)
 
 
@@ -166,5 +166,4 @@ def shortened(columns: tuple[str, ...]) -> str:
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table in Markdown."""
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return markdown(make_table("", headings, rows)).rstrip()

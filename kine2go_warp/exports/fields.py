@@ -30,7 +30,7 @@ class Field:
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 
 
-def field_of(motion: Motion, array: str, name: str | None = None) -> Field:
+def array_field(motion: Motion, array: str, name: str | None = None) -> Field:
     """Return the field that holds one row array.
 
     Args:

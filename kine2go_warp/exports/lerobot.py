@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
 from kine2go_warp.errors import ExportError
-from kine2go_warp.exports.fields import Field, field_of, joined_field
+from kine2go_warp.exports.fields import Field, array_field, joined_field
 from kine2go_warp.exports.lerobot_statistics import EpisodeStatistics, episode_statistics, merged_statistics
 from kine2go_warp.exports.rolling import FILE_MEGABYTES, FILES_A_CHUNK, PATH_TEMPLATE, RollingParquet
 
@@ -56,8 +56,8 @@ def lerobot_fields(motion: Motion) -> list[Field]:
     others = [name for name in motion.row_arrays if name not in {*STATE_ARRAYS, "action"}]
     return [
         joined_field(motion, STATE_ARRAYS, "observation.state"),
-        field_of(motion, "action"),
-        *(field_of(motion, name, f"policy.{name}" if name.startswith(POLICY_PREFIXES) else name) for name in others),
+        array_field(motion, "action"),
+        *(array_field(motion, name, f"policy.{name}" if name.startswith(POLICY_PREFIXES) else name) for name in others),
     ]
 
 

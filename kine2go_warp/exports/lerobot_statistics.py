@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.statistics import Moments, merge, moments_of
+from kine2go_warp.dataset.statistics import Moments, compute_moments, merge
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
@@ -58,7 +58,7 @@ def episode_statistics(columns: Mapping[str, NDArray]) -> EpisodeStatistics:
     for name, values in columns.items():
         table = values.reshape(len(values), -1).astype(np.float64)
         quantiles = np.quantile(table, list(QUANTILES.values()), axis=0)
-        features[name] = FeatureStatistics(len(table), moments_of(table), quantiles)
+        features[name] = FeatureStatistics(len(table), compute_moments(table), quantiles)
     return EpisodeStatistics(features)
 
 

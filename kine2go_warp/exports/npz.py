@@ -10,7 +10,7 @@ import numpy as np
 
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.exports.fields import Field, field_of
+from kine2go_warp.exports.fields import Field, array_field
 
 LOADING = """\
 import json
@@ -52,7 +52,7 @@ def write_npz(dataset: Dataset, folder: Path, on_trajectory: Callable[[int, int]
         if on_trajectory is not None:
             on_trajectory(done, len(dataset.references))
     first = dataset.motion(dataset.references[0].motion)
-    return [field_of(first, name) for name in first.row_arrays]
+    return [array_field(first, name) for name in first.row_arrays]
 
 
 def attributes(dataset: Dataset, motion: Motion) -> dict[str, Any]:

@@ -21,7 +21,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
 
     A world that is done begins its next episode within the same step, and the observation returned is the first of
     the new episode (``AutoresetMode.SAME_STEP``). The last observation of the old one is not kept, so ``infos`` has no
-    ``final_obs``. The means of the reward terms are in ``infos`` as ``Reward/TERM``, shape [num_envs], all equal.
+    ``final_obs``. ``infos`` has the means of the reward terms as ``Reward/TERM``
+    and the share of worlds that ended by each reason as ``Termination/TERM``, shape [num_envs], all equal.
     """
 
     def __init__(self, env: ImitationVecEnv) -> None:

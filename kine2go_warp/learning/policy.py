@@ -66,7 +66,7 @@ def read_preset(values: dict[str, Any], where: str) -> Preset:
     return replace(preset, env=replace(env, terminations=terms, initial_limit_scale=scale, limit_anneal_time=time))
 
 
-def iteration_of(checkpoint: Path) -> int | None:
+def checkpoint_iteration(checkpoint: Path) -> int | None:
     """Return the iteration (from 0) in the name of a checkpoint, none if it is not one of ours."""
     number = checkpoint.stem.removeprefix("model_")
     return int(number) if number.isdigit() else None
@@ -198,13 +198,13 @@ class PolicyFolder:
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
-        found = [path for path in self.path.glob("model_*.pt") if iteration_of(path) is not None]
-        return sorted(found, key=lambda path: iteration_of(path) or 0)
+        found = [path for path in self.path.glob("model_*.pt") if checkpoint_iteration(path) is not None]
+        return sorted(found, key=lambda path: checkpoint_iteration(path) or 0)
 
     def iterations_done(self) -> int:
         """Return after how many iterations the newest checkpoint was written, 0 if there is none."""
         found = self.checkpoints()
-        return (iteration_of(found[-1]) or 0) + 1 if found else 0
+        return (checkpoint_iteration(found[-1]) or 0) + 1 if found else 0
 
     def keep_newest(self, count: int) -> None:
         """Remove all checkpoints but the newest."""

@@ -38,7 +38,7 @@ class Mirrored:
 
 
 @lru_cache
-def mirrors_of(config: EnvConfig) -> dict[str, Callable[[torch.Tensor], torch.Tensor]]:
+def make_mirrors(config: EnvConfig) -> dict[str, Callable[[torch.Tensor], torch.Tensor]]:
     """Return what mirrors the policy's and the critic's observations."""
     return {"policy": Mirrored.of(place_terms(config)), "privileged": Mirrored.of(place_privileged(config))}
 
@@ -54,6 +54,6 @@ def with_mirrored(
     both_actions = None if actions is None else torch.cat([actions, mirrored_action(actions)])
     if obs is None:
         return None, both_actions
-    mirrors = mirrors_of(env.config)
+    mirrors = make_mirrors(env.config)
     both = {name: torch.cat([obs[name], mirrors[name](obs[name])]) for name in map(str, obs.keys())}
     return TensorDict(both, batch_size=[2 * len(obs)]), both_actions  # pyright: ignore[reportArgumentType]

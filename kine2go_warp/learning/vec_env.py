@@ -80,6 +80,7 @@ class BufferedVecEnv(VecEnv):
         self.cfg = config
         self.config = config
         self.buffers = buffers
+        self._reasons = torch.arange(1, len(config.reason_names), device=device)
         self.on_step: Callable[[], None] | None = None
         """Called after each control step."""
 
@@ -128,7 +129,10 @@ class BufferedVecEnv(VecEnv):
         return TensorDict(observations, batch_size=[self.num_envs])  # pyright: ignore[reportArgumentType]
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
-        """Advance all worlds by one control step; see ``VecEnv.step``. What it returns are copies."""
+        """Advance all worlds by one control step; see ``VecEnv.step``. What it returns are copies.
+
+        The log has the mean of each reward term, and by reason the share of the worlds whose episode has ended.
+        """
         buffers = self.buffers
         buffers.action.copy_(actions)
         self.advance()
@@ -136,6 +140,8 @@ class BufferedVecEnv(VecEnv):
             self.on_step()
         terms = buffers.reward_terms.mean(dim=0)
         log = {f"Reward/{name}": terms[index] for index, name in enumerate(self.config.reward_names)}
+        ends = (buffers.reason[:, None] == self._reasons).float().mean(dim=0)
+        log |= {f"Termination/{name}": ends[index] for index, name in enumerate(self.config.reason_names[1:])}
         extras = {"time_outs": buffers.time_out.clone(), "log": log}
         return self.get_observations(), buffers.reward.clone(), buffers.done.clone(), extras
 

@@ -122,7 +122,7 @@ class WorldSampler:
                 self._hand_over()
 
     def iteration_done(self, progress: TrainingProgress) -> None:
-        """Hand over the figures of an iteration."""
+        """Hand over the metrics of an iteration."""
         terms = (self._terms / max(self._num_terms, 1)).tolist()
         self._terms.zero_()
         self._num_terms = 0

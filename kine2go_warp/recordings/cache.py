@@ -1,6 +1,5 @@
 """A folder of recordings, each made again only when what it shows has changed."""
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -10,11 +9,13 @@ from typing import Any
 import rerun as rr
 
 from kine2go_warp import __version__
+from kine2go_warp.dataset.content import motion_content
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import read_reviews
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.files import atomic_file, sha256_of
 from kine2go_warp.recordings.motion import Style, record_motion
+from kine2go_warp.settings import content_hash
 
 
 @dataclass(frozen=True)
@@ -80,16 +81,9 @@ class RecordingCache:
 
     def content(self, motion: Motion) -> str:
         """Return a hash of all that a recording is made from, but for the number of trajectories."""
-        digest = hashlib.sha256(__version__.encode())
-        folder = motion.path / motion.name
-        for path in sorted(folder.rglob("*")):
-            if path.is_file():
-                digest.update(f"{path.relative_to(folder)} {path.stat().st_size} ".encode())
-                digest.update(path.read_bytes())
-        verdicts = [asdict(one) for one in read_reviews(motion.path) if one.motion == motion.name]
-        digest.update(json.dumps(verdicts).encode())
-        digest.update((self.style.meshes.content() if self.style.meshes else "").encode())
-        return digest.hexdigest()[:32]
+        reviews = [asdict(one) for one in read_reviews(motion.path) if one.motion == motion.name]
+        meshes = self.style.meshes.content() if self.style.meshes else ""
+        return content_hash(__version__, motion_content(motion.path, motion.name), reviews, meshes)
 
     def _is_enough(self, known: dict[str, Any]) -> bool:
         """Return whether a recording shows as many trajectories as are wanted."""

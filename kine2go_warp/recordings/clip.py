@@ -11,7 +11,7 @@ from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.recordings.layout import curves, scene, turned, whole
 from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.robot import RobotDrawer
-from kine2go_warp.recordings.shapes import Poses, poses_of
+from kine2go_warp.recordings.shapes import Poses, compute_poses
 from kine2go_warp.recordings.stream import LEG_COLOURS, THIN, Colour, Columns, recording_file
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
@@ -34,7 +34,7 @@ def record_clip(clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Mesh
     spec, num_rows = clip.spec, cycles * clip.num_frames
     motion = clip.extended(0, num_rows - clip.num_frames)
     assert motion.joints is not None
-    poses = poses_of(spec, motion.root_position, motion.root_orientation, motion.joints)
+    poses = compute_poses(spec, motion.root_position, motion.root_orientation, motion.joints)
     time = np.arange(num_rows, dtype=np.float64) * clip.frame_duration
     standing = np.tile(clip.stance > 0.5, (cycles, 1))
     seams = np.arange(clip.num_frames, num_rows, clip.num_frames)

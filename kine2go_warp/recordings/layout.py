@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.limit_usage import LimitUsage
 from kine2go_warp.dataset.motion import Trajectory
 from kine2go_warp.recordings.stream import TIMELINE
-from kine2go_warp.recordings.trajectory import entity_of
+from kine2go_warp.recordings.trajectory import trajectory_entity
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import heading, turn_planar
 
@@ -32,7 +32,7 @@ Vector = tuple[float, float, float]
 def motion_layout(motion: str, shown: Sequence[tuple[Trajectory, LimitUsage]], spec: RobotSpec) -> rrb.Blueprint:
     """Return the layout of a motion's recording, with tabs in the order of ``shown``."""
     tabs = [trajectory_tab(one, usage, spec) for one, usage in shown]
-    robots = [f"+ /{entity_of(one.index)}/{part}/**" for one, _ in shown for part in ("robot", "paths")]
+    robots = [f"+ /{trajectory_entity(one.index)}/{part}/**" for one, _ in shown for part in ("robot", "paths")]
     everything = rrb.Horizontal(
         scene(f"{motion}: all trajectories", "/", robots, FAR_EYE, (0.0, 0.0, 0.0), None),
         rrb.TextDocumentView(name="by limit usage", origin="/list"),
@@ -56,7 +56,7 @@ def whole(content: rrb.Container | rrb.View) -> rrb.Blueprint:
 
 def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.Horizontal:
     """Return the views of one trajectory."""
-    entity = entity_of(one.index)
+    entity = trajectory_entity(one.index)
     share = "" if math.isinf(usage.worst_limit_ratio) else f" ({usage.worst_limit_ratio:.0%})"
     start = one.arrays["root_position"][0]
     plots = rrb.Vertical(
@@ -81,7 +81,7 @@ def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.H
             f"/{entity}/robot/base/trunk",
         ),
         plots,
-        rrb.TextDocumentView(name="figures", origin=f"{entity}/text"),
+        rrb.TextDocumentView(name="metrics", origin=f"{entity}/text"),
         column_shares=[10, 7, 4],
         name=f"{one.index}{share}",
     )

@@ -8,8 +8,9 @@ import rerun as rr
 
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.files import sha256_of
-from kine2go_warp.recordings.shapes import Poses, about, multiplied
+from kine2go_warp.recordings.shapes import Poses, about, xyzw
 from kine2go_warp.recordings.stream import Columns
+from kine2go_warp.rotations import multiply
 
 SUFFIXES = {
     ".glb": "model/gltf-binary",
@@ -69,7 +70,7 @@ class Meshes:
         columns.fix("hips", asset(self.files["hip"]))
         # The one mesh of a hip is that of the front left leg, turned by half a turn for the others.
         half = np.array([0.0, np.pi, 0.0, np.pi]), np.array([0.0, 0.0, np.pi, np.pi])
-        hips = multiplied(poses.hip, multiplied(about(0, half[0]), about(1, half[1])))
+        hips = multiply(poses.hip, multiply(about(0, half[0]), about(1, half[1])))
         self._place(columns, "hips", poses.joint_centres(0), hips)
         for link, joint, turns in (("thigh", 1, poses.thigh), ("calf", 2, poses.calf)):
             for side, legs in (("left", LEFT), ("right", RIGHT)):
@@ -81,7 +82,7 @@ class Meshes:
     def _place(self, columns: Columns, entity: str, centres: np.ndarray, turns: np.ndarray) -> None:
         """Move the instances of a mesh."""
         places = centres.reshape(-1, 3).astype(np.float32)
-        quaternions = turns.reshape(-1, 4).astype(np.float32)
+        quaternions = xyzw(turns).reshape(-1, 4).astype(np.float32)
         moved = rr.InstancePoses3D.columns(translations=places, quaternions=quaternions)
         columns.send(entity, moved, centres.shape[1])
 

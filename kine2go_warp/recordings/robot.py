@@ -8,10 +8,10 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from kine2go_warp.recordings.meshes import Meshes
-from kine2go_warp.recordings.shapes import Motors, Poses, about, multiplied, rotated
+from kine2go_warp.recordings.shapes import Motors, Poses, about, xyzw
 from kine2go_warp.recordings.stream import Colour, Columns
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.robots.urdf import UrdfReader
+from kine2go_warp.rotations import multiply, rotate
 
 GHOST: Colour = (120, 150, 200, 60)
 """Colour of the reference."""
@@ -30,14 +30,9 @@ class RobotDrawer:
     meshes: Meshes | None = None
 
     @cached_property
-    def motors(self) -> Motors:
+    def motors(self) -> Motors | None:
         """The cylinders at the hips."""
         return Motors.of(self.spec)
-
-    @cached_property
-    def calf_radius(self) -> float:
-        """Radius of a calf [m]."""
-        return UrdfReader(self.spec.urdf).collision(f"{self.spec.legs[0].name}_calf", "cylinder", "radius")
 
     def draw(self, columns: Columns, poses: Poses, standing: NDArray[np.bool_]) -> None:
         """Draw the robot itself; feet that stand are marked.
@@ -64,7 +59,7 @@ class RobotDrawer:
 
     def _draw_base(self, columns: Columns, poses: Poses) -> None:
         """Move everything that is fixed to the base."""
-        pose = rr.Transform3D.columns(translation=poses.root_position, quaternion=poses.root_orientation)
+        pose = rr.Transform3D.columns(translation=poses.root_position, quaternion=xyzw(poses.root_orientation))
         columns.send("base", pose)
 
     def _draw_trunk(self, columns: Columns, shell: Colour, head: Colour, accent: Colour | None) -> None:
@@ -87,13 +82,15 @@ class RobotDrawer:
     def _draw_motors(self, columns: Columns, poses: Poses) -> None:
         """Draw the cylinders at the hips."""
         motors = self.motors
-        upright = multiplied(poses.hip, about(0, np.full(poses.hip.shape[:2], np.pi / 2)))
-        centres = poses.joint_centres(0) + rotated(poses.hip, motors.centres)
+        if motors is None:
+            return
+        upright = multiply(poses.hip, about(0, np.full(poses.hip.shape[:2], np.pi / 2)))
+        centres = poses.joint_centres(0) + rotate(poses.hip, motors.centres)
         lengths, radii = [motors.length] * 4, [motors.radius] * 4
         columns.fix(
             "motors", rr.Cylinders3D.from_fields(lengths=lengths, radii=radii, colors=[DARK] * 4, fill_mode="solid")
         )
-        moved = rr.Cylinders3D.columns(centers=flat(centres), quaternions=flat(upright))
+        moved = rr.Cylinders3D.columns(centers=flat(centres), quaternions=flat(xyzw(upright)))
         columns.send("motors", moved, 4)
 
     def _draw_legs(self, columns: Columns, poses: Poses, colours: list[Colour]) -> None:
@@ -101,9 +98,9 @@ class RobotDrawer:
         ends = np.concatenate([poses.joint_centres(2), poses.feet], axis=1)
         turns = np.concatenate([poses.thigh, poses.calf], axis=1)
         lengths = [leg.thigh_length for leg in self.spec.legs] + [leg.calf_length for leg in self.spec.legs]
-        radii = [self.spec.thigh_radius] * 4 + [self.calf_radius] * 4
+        radii = [self.spec.thigh_radius] * 4 + [self.spec.calf_radius] * 4
         columns.fix("legs", rr.Capsules3D.from_fields(lengths=lengths, radii=radii, colors=colours, fill_mode="solid"))
-        columns.send("legs", rr.Capsules3D.columns(translations=flat(ends), quaternions=flat(turns)), 8)
+        columns.send("legs", rr.Capsules3D.columns(translations=flat(ends), quaternions=flat(xyzw(turns))), 8)
 
     def _draw_feet(self, columns: Columns, poses: Poses, standing: NDArray[np.bool_]) -> None:
         """Draw the feet, in a colour of their own while they stand."""

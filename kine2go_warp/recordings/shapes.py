@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.robots.urdf import UrdfReader
+from kine2go_warp.robots.urdf import UrdfReader, read_origin
+from kine2go_warp.rotations import multiply, rotate
 
 Array = NDArray[np.float32]
 
@@ -25,12 +26,14 @@ class Motors:
     """Centre of each leg's cylinder in the frame of its hip [m], shape [4, 3]."""
 
     @classmethod
-    def of(cls, spec: RobotSpec) -> "Motors":
-        """Read the shapes of a robot."""
+    def of(cls, spec: RobotSpec) -> "Motors | None":
+        """Read the shapes of a robot, none where the hips have other ones."""
         reader = UrdfReader(spec.urdf)
-        visuals = [f"link[@name='{hip}']/visual" for hip in spec.leg_links[::3]]
-        cylinder = reader.find(f"{visuals[0]}/geometry/cylinder").attrib
-        centres = [[float(part) for part in reader.find(f"{one}/origin").attrib["xyz"].split()] for one in visuals]
+        found = [reader.root.find(f"link[@name='{hip}']/visual/geometry/cylinder/../..") for hip in spec.leg_links[::3]]
+        centres = [read_origin(visual)[0] for visual in found if visual is not None]
+        if len(centres) < len(found):
+            return None
+        cylinder = reader.find(f"link[@name='{spec.leg_links[0]}']/visual/geometry/cylinder").attrib
         return cls(float(cylinder["radius"]), float(cylinder["length"]), np.array(centres))
 
 
@@ -41,11 +44,11 @@ class Poses:
     root_position: Array
     """Base link origin [m], shape [num_rows, 3]."""
     root_orientation: Array
-    """Base link in the world, (x, y, z, w), shape [num_rows, 4]."""
+    """Base link in the world, (w, x, y, z), shape [num_rows, 4]."""
     link_position: Array
     """Joint centres and feet, in the order of ``RobotSpec.link_names`` [m], shape [num_rows, 16, 3]."""
     hip: Array
-    """Orientation of the hips, (x, y, z, w), shape [num_rows, 4, 4]."""
+    """Orientation of the hips, (w, x, y, z), shape [num_rows, 4, 4]."""
     thigh: Array
     """The same for the thighs."""
     calf: Array
@@ -65,7 +68,7 @@ class Poses:
         return self.link_position[:, joint:12:3]
 
 
-def poses_of(
+def compute_poses(
     spec: RobotSpec,
     root_position: NDArray,
     root_orientation: NDArray,
@@ -82,28 +85,28 @@ def poses_of(
         link_position: Joint centres and feet, where they are known [m], shape [num_rows, 16, 3]. By default they follow
             from the others.
     """
-    base = np.asarray(root_orientation)[:, [1, 2, 3, 0]]
+    base = np.asarray(root_orientation)[:, None]
     if link_position is None:
         inside = link_positions(spec, joint_position)
-        link_position = root_position[:, None] + rotated(base[:, None], inside)
+        link_position = root_position[:, None] + rotate(base, inside)
     angles = np.asarray(joint_position, np.float64).reshape(-1, len(spec.legs), 3)
-    hip = multiplied(base[:, None], about(0, angles[..., 0]))
-    thigh = multiplied(hip, about(1, angles[..., 1]))
-    calf = multiplied(thigh, about(1, angles[..., 2]))
-    arrays = (root_position, base, link_position, hip, thigh, calf)
+    hip = multiply(base, about(0, angles[..., 0]))
+    thigh = multiply(hip, about(1, angles[..., 1]))
+    calf = multiply(thigh, about(1, angles[..., 2]))
+    arrays = (root_position, root_orientation, link_position, hip, thigh, calf)
     return Poses(*(np.ascontiguousarray(values, np.float32) for values in arrays))
 
 
 def robot_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
     """Return the robot of a trajectory, at the points that the dataset stores."""
     state = rows["root_position"], rows["root_orientation"], rows["joint_position"], rows["link_position"]
-    return poses_of(spec, *state)
+    return compute_poses(spec, *state)
 
 
 def reference_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
     """Return the reference of a trajectory."""
     names = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
-    return poses_of(spec, *(rows[name] for name in names))
+    return compute_poses(spec, *(rows[name] for name in names))
 
 
 def skeletons(poses: Poses) -> Array:
@@ -113,22 +116,12 @@ def skeletons(poses: Poses) -> Array:
 
 
 def about(axis: int, angle: NDArray) -> NDArray[np.float64]:
-    """Return the turn by an angle [rad] about a coordinate axis, (x, y, z, w), shape [..., 4]."""
+    """Return the turn by an angle [rad] about a coordinate axis, (w, x, y, z), shape [..., 4]."""
     turn = np.zeros((*np.shape(angle), 4))
-    turn[..., axis], turn[..., 3] = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    turn[..., 0], turn[..., 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
     return turn
 
 
-def multiplied(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return the turn ``b`` followed by ``a``, (x, y, z, w), shape [..., 4]."""
-    vector_a, vector_b = a[..., :3], b[..., :3]
-    vector = a[..., 3:] * vector_b + b[..., 3:] * vector_a + np.cross(vector_a, vector_b)
-    scalar = a[..., 3] * b[..., 3] - np.sum(vector_a * vector_b, axis=-1)
-    return np.concatenate([vector, scalar[..., None]], axis=-1)
-
-
-def rotated(quaternion: NDArray, vector: NDArray) -> NDArray[np.float64]:
-    """Return vectors turned by (x, y, z, w), shape [..., 3]."""
-    axis, scalar = quaternion[..., :3], quaternion[..., 3:]
-    across = 2.0 * np.cross(axis, vector)
-    return vector + scalar * across + np.cross(axis, across)
+def xyzw(quaternions: NDArray) -> NDArray:
+    """Return quaternions (w, x, y, z) in the viewer's order."""
+    return quaternions[..., [1, 2, 3, 0]]

@@ -20,13 +20,13 @@ def trajectory_text(motion: Motion, one: Trajectory, usage: LimitUsage, verdict:
         f"{one.length} rows, {motion.time[one.length - 1]:.1f} s. {usage_text(usage)}",
         *(["", f"**{verdict}**"] if verdict else []),
         "",
-        "| filter | figure | limit | share |",
+        "| filter | metric | limit | share |",
         "|---|--:|--:|--:|",
     ]
-    for limit, figure, bound, share in zip(FILTER_METRICS, usage.metrics, usage.limits, usage.shares, strict=True):
-        if not math.isnan(figure):
+    for limit, metric, bound, share in zip(FILTER_METRICS, usage.metrics, usage.limits, usage.shares, strict=True):
+        if not math.isnan(metric):
             known = (f"{bound:g}", f"{share:.0%}") if not math.isnan(share) else ("-", "-")
-            lines.append(f"| {limit.label} [{limit.unit}] | {figure:.4g} | {known[0]} | {known[1]} |")
+            lines.append(f"| {limit.label} [{limit.unit}] | {metric:.4g} | {known[0]} | {known[1]} |")
     if "push" in one.arrays:
         lines += ["", pushes_text(one.arrays["push"], motion.time)]
     for title, names in grouped(motion).items():
@@ -90,7 +90,7 @@ def motion_text(motion: Motion, usages: Sequence[LimitUsage], verdicts: dict[int
     ]
     for one in usages:
         share = "-" if math.isinf(one.worst_limit_ratio) else f"{one.worst_limit_ratio:.0%}"
-        figures = " | ".join(f"{figure:.3f}" for figure in one.metrics[: len(ROW_LIMITS)])
+        metrics = " | ".join(f"{metric:.3f}" for metric in one.metrics[: len(ROW_LIMITS)])
         verdict = verdicts.get(one.reference.index, "")
-        lines.append(f"| {one.reference.index} | {share} | {one.worst} | {figures} | {verdict} |")
+        lines.append(f"| {one.reference.index} | {share} | {one.worst} | {metrics} | {verdict} |")
     return "\n".join(lines)

@@ -16,7 +16,7 @@ from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import curves, scene
 from kine2go_warp.recordings.live import Sink
 from kine2go_warp.recordings.robot import RobotDrawer
-from kine2go_warp.recordings.shapes import Poses, poses_of
+from kine2go_warp.recordings.shapes import Poses, compute_poses
 from kine2go_warp.recordings.stream import ITERATION, TIMELINE, Colour, Columns
 from kine2go_warp.recordings.trajectory import ERROR_COLOURS, TERM_COLOURS
 from kine2go_warp.robots import RobotSpec
@@ -49,7 +49,7 @@ class Worlds:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The figures of an iteration."""
+    """The metrics of an iteration."""
 
     time: float
     number: int
@@ -98,7 +98,7 @@ class TrainingRecording:
         self._seen.append(Worlds(time, rows))
 
     def on_iteration(self, time: float, iteration: int, curves: Mapping[str, float]) -> None:
-        """Take the figures of an iteration, by ``group/name``."""
+        """Take the metrics of an iteration, by ``group/name``."""
         self._seen.append(Iteration(time, iteration, curves))
 
     def _draw_until_over(self) -> None:
@@ -149,7 +149,7 @@ class TrainingRecording:
     def _poses(self, rows: Rows, prefix: str) -> Poses:
         """Return the poses of all worlds, one world after the other."""
         parts = [rows[f"{prefix}{name}"] for name in ("root_position", "root_orientation", "joint_position")]
-        return poses_of(self.drawer.spec, *(part.reshape(-1, part.shape[-1]) for part in parts))
+        return compute_poses(self.drawer.spec, *(part.reshape(-1, part.shape[-1]) for part in parts))
 
     def _draw_curves(self, one: Iteration) -> None:
         """Draw one point of every curve, on the timeline of the worlds and on one of iterations."""

@@ -36,7 +36,7 @@ DIMMED = 0.5
 """Brightness of the curve of a reference beside that of the robot."""
 
 
-def entity_of(index: int) -> str:
+def trajectory_entity(index: int) -> str:
     """Return the path of a trajectory's entities."""
     return f"trajectories/{index:03d}"
 
@@ -44,7 +44,7 @@ def entity_of(index: int) -> str:
 def log_trajectory(
     recording: rr.RecordingStream, motion: Motion, one: Trajectory, usage: LimitUsage, drawer: RobotDrawer, verdict: str
 ) -> None:
-    """Log all of a trajectory below :func:`entity_of`.
+    """Log all of a trajectory below :func:`trajectory_entity`.
 
     Args:
         recording: The recording.
@@ -55,7 +55,7 @@ def log_trajectory(
         verdict: What was said of it, empty if nothing.
     """
     spec, rows = drawer.spec, one.arrays
-    columns = Columns(recording, entity_of(one.index), motion.time[: one.length])
+    columns = Columns(recording, trajectory_entity(one.index), motion.time[: one.length])
     robot, reference = robot_poses(spec, rows), reference_poses(spec, rows)
     force = rows["foot_contact_force"]
     standing = np.linalg.norm(force, axis=-1) > CONTACT_FORCE

@@ -238,14 +238,14 @@ def video_pictures(
                 row = trajectory.row_at(float(instant))
                 tile = caption(
                     renderer.draw(trajectory.request(row, config.reference)),
-                    captions_of(trajectory, row, float(instant)),
+                    make_captions(trajectory, row, float(instant)),
                 )
                 top, left = place // columns * height, place % columns * width
                 picture[top : top + height, left : left + width] = tile
             yield picture
 
 
-def captions_of(trajectory: RenderedTrajectory, row: int, instant: float) -> tuple[str, str]:
+def make_captions(trajectory: RenderedTrajectory, row: int, instant: float) -> tuple[str, str]:
     """Return what is written into a picture: whose it is, and which row."""
     ended = "  (ended)" if instant > trajectory.time[-1] + 1e-6 else ""
     ground = "" if trajectory.level else "  (ground not drawn)"

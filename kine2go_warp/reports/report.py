@@ -16,8 +16,8 @@ from kine2go_warp.reports import tables
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
 from kine2go_warp.revision import revision
-from kine2go_warp.scores.plots import curves_of
-from kine2go_warp.scores.report import MotionFigures, measure, review_note, robot_note, score, scored_motions
+from kine2go_warp.scores.plots import compute_curves
+from kine2go_warp.scores.report import MotionMetrics, measure, review_note, robot_note, score, scored_motions
 from kine2go_warp.tables import number_text
 
 PAGE = Path(__file__).parent / "page"
@@ -47,7 +47,7 @@ class MotionPart:
     duration: float
     """Of all trajectories together [s]."""
     attributes: dict[str, Any]
-    figures: MotionFigures
+    metrics: MotionMetrics
     coverage: str
     """A drawing as SVG."""
     phase: str
@@ -59,7 +59,7 @@ class MotionPart:
     @property
     def trajectories(self) -> int:
         """How many it has."""
-        return self.figures.trajectories
+        return self.metrics.trajectories
 
 
 def default_path(dataset: Path) -> Path:
@@ -129,13 +129,13 @@ def motion_part(dataset: Dataset, name: str, key: str, renderer: RenderProcess |
     """
     check_content(dataset, name)
     data = dataset.load(name)
-    figures, curves = measure(data, dataset.robot), curves_of(data)
+    metrics, curves = measure(data, dataset.robot), compute_curves(data)
     shown: tuple[Strip, ...] = ()
     if renderer is not None:
-        shown = strips(renderer, dataset.motion(name), figures.figures["joint_rmse"], data.indices)
-    duration = figures.rows * data.frame_duration
+        shown = strips(renderer, dataset.motion(name), metrics.metrics["joint_rmse"], data.indices)
+    duration = metrics.rows * data.frame_duration
     return MotionPart(
-        name, figures.rows, duration, data.attributes, figures, coverage_svg(curves, f"{key}c"),
+        name, metrics.rows, duration, data.attributes, metrics, coverage_svg(curves, f"{key}c"),
         phase_svg(curves, f"{key}p"), shown, note,
     )  # fmt: skip
 
@@ -161,7 +161,7 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    scores = score([part.figures for part in parts])
+    scores = score([part.metrics for part in parts])
     attributes = {part.name: part.attributes for part in parts}
     shared, different = tables.settings(attributes)
     environment = Environment(
@@ -173,7 +173,7 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
         scorecard=tables.scorecard(
             scores.motions, {part.name: (part.trajectories, part.duration) for part in parts}, scores.overall
         ),
-        figures={part.name: tables.all_figures(scores.motions[part.name]) for part in parts},
+        metrics={part.name: tables.all_metrics(scores.motions[part.name]) for part in parts},
         fidelity={part.name: tables.fidelity(part.attributes) for part in parts},
         rejections=tables.rejections(attributes, {part.name: part.trajectories for part in parts}),
         licences=tables.licences(attributes),

@@ -7,24 +7,22 @@ from typing import Any
 
 from kine2go_warp.scores.registry import METRICS
 from kine2go_warp.scores.statistics import Estimate
-from kine2go_warp.tables import Cell, Column, Table, number_text
+from kine2go_warp.tables import Cell, Column, Table, make_table, number_text
 
-HEADLINES = {
-    "joint_rmse": "joint RMSE",
-    "root_error": "root error",
-    "foot_error": "foot error",
-    "joint_emd": "joint EMD",
-    "body_emd": "body EMD",
-    "foot_slip": "foot slip",
-    "power": "power",
-    "cost_of_transport": "cost of transport",
-    "acceptance": "accepted",
-}
-"""Figures of the scorecard, with their headings; all others are with each motion."""
+HEADLINES = (
+    *("joint_rmse", "root_error", "foot_error", "joint_emd", "body_emd"),
+    *("foot_slip", "power", "cost_of_transport", "acceptance"),
+)
+"""Metrics of the scorecard; all others are with each motion."""
 
 SHOWN_ELSEWHERE = {"motion", "source", "file", "start", "end", "licence", "citation", "accepted", "rejected",
                    "coordinates", "fidelity"}  # fmt: skip
 """Attributes of a motion that have a place of their own on the page."""
+
+
+def named(name: str) -> Cell:
+    """Return a cell with a name of the software's, which it is sorted by."""
+    return Cell(name, name, code=True)
 
 
 def number(value: float, name: str = "", hint: str = "") -> Cell:
@@ -51,7 +49,7 @@ def scorecard(
     sizes: Mapping[str, tuple[int, float]],
     overall: Mapping[str, Estimate],
 ) -> Table:
-    """Return a line a motion with its chief figures.
+    """Return a line a motion with its chief metrics.
 
     Args:
         motions: Estimates by motion and name.
@@ -60,37 +58,29 @@ def scorecard(
     """
     known = {metric.name: metric for metric in METRICS}
     columns = [Column("motion", number=False), Column("trajectories"), Column("duration", "s")]
-    for name, heading in HEADLINES.items():
-        metric = known[name]
+    for metric in (known[name] for name in HEADLINES):
         hint = f"{metric.description}; {metric.better} is better"
-        columns.append(Column(heading, "" if metric.unit == "1" else metric.unit, hint))
+        columns.append(Column(metric.heading, "" if metric.unit == "1" else metric.unit, hint))
 
     def line(label: Cell, size: tuple[int, float], estimates: Mapping[str, Estimate]) -> tuple[Cell, ...]:
-        figures = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
-        return (label, number(size[0], "trajectories"), number(size[1], "duration"), *figures)
+        metrics = (number(estimates[name].value, name, f"95 %: {interval_text(estimates[name])}") for name in HEADLINES)
+        return (label, number(size[0], "trajectories"), number(size[1], "duration"), *metrics)
 
-    rows = tuple(line(Cell(name, name, code=True), sizes[name], one) for name, one in motions.items())
+    rows = tuple(line(named(name), sizes[name], one) for name, one in motions.items())
     together = (sum(size[0] for size in sizes.values()), sum(size[1] for size in sizes.values()))
     total = line(Cell("all motions"), together, overall) if len(motions) > 1 else ()
     return Table(tuple(columns), rows, total)
 
 
-def all_figures(estimates: Mapping[str, Estimate]) -> Table:
-    """Return every figure of one motion with its interval and meaning."""
-    columns = (Column("figure", number=False), Column("mean"), Column("95 % interval"), Column("unit", number=False),
-               Column("better", number=False), Column("meaning", number=False))  # fmt: skip
-    rows = tuple(
-        (
-            Cell(metric.name, metric.name, code=True),
-            number(estimates[metric.name].value, metric.name),
-            interval(estimates[metric.name]),
-            Cell(metric.unit),
-            Cell(metric.better),
-            Cell(metric.description),
-        )
-        for metric in METRICS
-    )
-    return Table(columns, rows)
+def all_metrics(estimates: Mapping[str, Estimate]) -> Table:
+    """Return every metric of one motion with its interval and meaning."""
+    headings = ("metric", "mean", "95 % interval", "unit", "better", "meaning")
+    rows = []
+    for metric in METRICS:
+        one = estimates[metric.name]
+        texts = (metric.unit, metric.better, metric.description)
+        rows.append((named(metric.name), number(one.value, metric.name), interval(one), *texts))
+    return make_table("", headings, rows, ("metric", "unit", "better", "meaning"))
 
 
 def fidelity(attributes: Mapping[str, Any]) -> Table:
@@ -98,10 +88,8 @@ def fidelity(attributes: Mapping[str, Any]) -> Table:
     rows = []
     for name, one in dict(attributes.get("fidelity") or {}).items():
         value = math.nan if one.get("value") is None else float(one["value"])
-        texts = (Cell(str(one.get(key, ""))) for key in ("units", "description"))
-        rows.append((Cell(name, name, code=True), number(value, name), *texts))
-    columns = (Column("figure", number=False), Column("value"), Column("unit", number=False))
-    return Table((*columns, Column("meaning", number=False)), tuple(rows))
+        rows.append((named(name), number(value, name), one.get("units", ""), one.get("description", "")))
+    return make_table("", ("metric", "value", "unit", "meaning"), rows, ("metric", "unit", "meaning"))
 
 
 def rejections(attributes: Mapping[str, Mapping[str, Any]], stored: Mapping[str, int]) -> Table:
@@ -113,16 +101,16 @@ def rejections(attributes: Mapping[str, Mapping[str, Any]], stored: Mapping[str,
     """
     counts = {name: dict(one.get("rejected") or {}) for name, one in attributes.items()}
     reasons = sorted({reason for one in counts.values() for reason in one})
-    columns = ("rollouts", "accepted", "share accepted", *reasons)
+    headings = ("motion", "rollouts", "accepted", "share accepted", *reasons)
     rows = []
     for name, one in attributes.items():
         accepted = int(one.get("accepted", stored[name]))
         total = accepted + sum(counts[name].values())
         share = accepted / total if total else math.nan
-        figures = {"rollouts": total, "accepted": accepted, "share accepted": share}
-        figures |= {reason: counts[name].get(reason, 0) for reason in reasons}
-        rows.append((Cell(name, name, code=True), *(number(float(value), key) for key, value in figures.items())))
-    return Table((Column("motion", number=False), *map(Column, columns)), tuple(rows))
+        metrics = {"rollouts": total, "accepted": accepted, "share accepted": share}
+        metrics |= {reason: counts[name].get(reason, 0) for reason in reasons}
+        rows.append((named(name), *(number(float(value), key) for key, value in metrics.items())))
+    return make_table("", headings, rows, ("motion",))
 
 
 def licences(attributes: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -131,11 +119,10 @@ def licences(attributes: Mapping[str, Mapping[str, Any]]) -> Table:
     rows = []
     for name, one in attributes.items():
         frames = f"{one.get('file', '')} {one.get('start', '')}-{one.get('end', '')}".strip(" -")
-        texts = (str(one.get(key, "unknown")) for key in ("source", "licence", "citation"))
-        source, licence, citation = texts
-        row = (source, frames or "unknown", licence, citation)
-        rows.append((Cell(name, name, code=True), *(Cell(text, text) for text in row)))
-    return Table(tuple(Column(text, number=False) for text in columns), tuple(rows))
+        source, licence, citation = (str(one.get(key, "unknown")) for key in ("source", "licence", "citation"))
+        texts = (source, frames or "unknown", licence, citation)
+        rows.append((named(name), *(Cell(text, text) for text in texts)))
+    return make_table("", columns, rows, columns)
 
 
 def settings(attributes: Mapping[str, Mapping[str, Any]]) -> tuple[Table, Table]:
@@ -146,12 +133,11 @@ def settings(attributes: Mapping[str, Mapping[str, Any]]) -> tuple[Table, Table]
     for key in keys:
         texts = [as_text(one.get(key, "-")) for one in flat.values()]
         if len(set(texts)) == 1:
-            shared.append((Cell(key, key, code=True), setting(texts[0])))
+            shared.append((named(key), setting(texts[0])))
         else:
-            different.append((Cell(key, key, code=True), *map(setting, texts)))
-    name, value = Column("setting", number=False), Column("value", number=False)
-    columns = (name, *(Column(motion, number=False) for motion in attributes))
-    return Table((name, value), tuple(shared)), Table(columns, tuple(different))
+            different.append((named(key), *map(setting, texts)))
+    both, each = ("setting", "value"), ("setting", *attributes)
+    return make_table("", both, shared, both), make_table("", each, different, each)
 
 
 def setting(text: str) -> Cell:

@@ -17,7 +17,7 @@ from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
 from kine2go_warp.dataset.trajectories import Groups
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.snapshot import WorldSnapshot
-from kine2go_warp.env.terrain import reach_of
+from kine2go_warp.env.terrain import terrain_extent
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
@@ -163,7 +163,7 @@ class RolloutCollector:
         share_stream(device)
         settings = config.environment(record.preset.env, config.rows, config.worlds(device))
         self.environment = ImitationEnvironment([clip], settings, device)
-        self.ground_reach = reach_of([clip], settings)
+        self.ground_reach = terrain_extent([clip], settings)
         self.env = ImitationVecEnv(self.environment, fault_folder)
         self.actor = NoisyPolicy(self.env, record.preset, policy.latest_checkpoint(), config.seed)
         self.batches: list[RolloutBatch] = []

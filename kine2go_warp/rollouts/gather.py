@@ -96,7 +96,7 @@ def gather(
         stats = collector.stats
         check_acceptance(clip.name, stats, config)
         accepted = collector.accepted()
-        usage = accepted.groups["quality"]["limit_share"]
+        usage = accepted.groups["quality"]["worst_limit_ratio"]
         borderline = tuple(int(index) for index in np.argsort(-usage, kind="stable") if usage[index] > BORDERLINE)
         attributes = {
             "motion": clip.name,

@@ -14,7 +14,7 @@ from kine2go_warp.robots.kinematics import contact_velocities
 from kine2go_warp.rollouts.config import GatherConfig
 
 BORDERLINE = 0.8
-"""A rollout one of whose figures exceeds this share of its limit is worth a look."""
+"""A rollout one of whose metrics exceeds this share of its limit is worth a look."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class FilterResult:
 
 
 def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[str, NDArray]:
-    """Return the figures of rollouts but for the share of a limit, each of shape [num_trajectories].
+    """Return the metrics of rollouts but for the share of a limit, each of shape [num_trajectories].
 
     Args:
         rows: Rows as in the dataset, NaN beyond each trajectory's length.
@@ -70,11 +70,11 @@ def filter_rollouts(
         spec: The robot.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # A rollout that failed at once has no rows: its figures are NaN, and its reason is known.
+        # A rollout that failed at once has no rows: its metrics are NaN, and its reason is known.
         warnings.simplefilter("ignore")
         quality = rollout_quality(rows, frame_duration, spec)
     shares = {one.name: quality[one.name] / getattr(config, one.setting) for one in FILTER_METRICS}
-    quality["limit_share"] = np.max(np.stack(list(shares.values())), axis=0)
+    quality["worst_limit_ratio"] = np.max(np.stack(list(shares.values())), axis=0)
     reasons = []
     for index, failure in enumerate(failures):
         exceeded = [one.reason for one in FILTER_METRICS if not shares[one.name][index] <= 1.0]

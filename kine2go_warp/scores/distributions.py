@@ -1,5 +1,6 @@
-"""How the quality figures of a motion are distributed, and where the limits cut."""
+"""How the quality metrics of a motion are distributed, and where the limits cut."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,21 +11,21 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.schema import REJECTED
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.files import atomic_file
 from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.scores.plots import new_figure, save
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """One figure over the rollouts of a motion."""
+    """One metric over the rollouts of a motion."""
 
     name: str
     unit: str
     limit: float
     accepted: NDArray
-    """The figure of each accepted rollout."""
+    """The metric of each accepted rollout."""
     rejected: NDArray
-    """The figure of each rejected rollout that was kept and had any rows."""
+    """The metric of each rejected rollout that was kept and had any rows."""
 
     def quantile(self, share: float) -> float:
         """Return a quantile over the accepted rollouts."""
@@ -32,7 +33,7 @@ class Distribution:
 
 
 def distributions(path: Path, motion: str) -> list[Distribution]:
-    """Return the distribution of every figure that has a limit.
+    """Return the distribution of every metric that has a limit.
 
     Raises:
         DatasetError: the motion cannot be read, or does not tell its limits.
@@ -57,35 +58,23 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
 
 
 def draw_distributions(found: dict[str, list[Distribution]], path: Path) -> None:
-    """Draw a panel for each figure: every rollout of every motion as a share of the limit, and the limit."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figures = next(iter(found.values()))
+    """Draw a panel for each metric: every rollout of every motion as a share of the limit, and the limit."""
     rng = np.random.default_rng(0)
-    height = 0.5 * len(found) + 0.9
-    canvas, panels = plt.subplots(3, 3, figsize=(11.0, 3.0 * height), squeeze=False)
-    for place, panel in enumerate(panels.flat):
-        one = figures[place]
-        for row, (_, distributions_of) in enumerate(found.items()):
-            each = distributions_of[place]
-            for values, colour, label in (
-                (each.accepted, "#0072b2", "accepted"),
-                (each.rejected, "#d55e00", "rejected"),
-            ):
+    columns = 3
+    lines = math.ceil(len(FILTER_METRICS) / columns)
+    figure = new_figure(11.0, lines * (0.5 * len(found) + 0.9))
+    panels = figure.subplots(lines, columns, squeeze=False).ravel()
+    for place, (panel, *each) in enumerate(zip(panels, *found.values(), strict=False)):
+        for row, one in enumerate(each):
+            for values, colour, label in ((one.accepted, "#0072b2", "accepted"), (one.rejected, "#d55e00", "rejected")):
                 scatter = row + rng.uniform(-0.25, 0.25, len(values))
-                panel.plot(
-                    values, scatter, ".", color=colour, alpha=0.5, markersize=5, label=label if row == 0 else None
-                )
-        panel.axvline(one.limit, color="black", linewidth=1.0)
-        panel.set_title(f"{one.name.replace('_', ' ')} [{one.unit}]", fontsize=10)
-        panel.set_yticks(range(len(found)), list(found) if place % 3 == 0 else [""] * len(found), fontsize=8)
+                panel.plot(values, scatter, ".", color=colour, alpha=0.5, markersize=5, label="" if row else label)
+        panel.axvline(each[0].limit, color="black", linewidth=1.0)
+        panel.set_title(f"{each[0].name.replace('_', ' ')} [{each[0].unit}]", fontsize=10)
+        panel.set_yticks(range(len(found)), [""] * len(found) if place % columns else list(found), fontsize=8)
         panel.set_ylim(-0.6, len(found) - 0.4)
         panel.set_xlim(left=0.0)
-    panels[0][0].legend(fontsize=8, loc="upper right")
-    canvas.tight_layout()
-    with atomic_file(path) as temporary:
-        canvas.savefig(temporary, dpi=80, format="png")
-    plt.close(canvas)
+    for panel in panels[len(FILTER_METRICS) :]:
+        panel.set_axis_off()
+    figure.axes[0].legend(fontsize=8, loc="upper right")
+    save(figure, path)

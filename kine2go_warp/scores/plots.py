@@ -43,7 +43,7 @@ class MotionCurves:
     """The same of the legs' least distance from one another and the trunk [m]."""
 
 
-def curves_of(data: MotionData) -> MotionCurves:
+def compute_curves(data: MotionData) -> MotionCurves:
     """Reduce a motion to what is drawn."""
     rows, lengths = data.trajectories.rows, data.trajectories.draws["length"]
     headings = heading(rows["root_orientation"])

@@ -1,4 +1,4 @@
-"""Every figure that a dataset is scored by: name, unit, meaning, and how it is computed."""
+"""Every metric that a dataset is scored by: name, unit, meaning, and how it is computed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from kine2go_warp.tables import Cell, make_table, markdown
 
 @dataclass(frozen=True)
 class Rollouts:
-    """What figures are computed from."""
+    """What metrics are computed from."""
 
     rows: Mapping[str, NDArray]
     """Row arrays of the dataset, each of shape [num_trajectories, num_rows, ...], NaN beyond a trajectory's end."""
@@ -52,7 +52,7 @@ class ScoredMetric(Metric):
     """A metric that a dataset is scored by."""
 
     compute: Callable[[Rollouts], NDArray]
-    """Returns one figure a trajectory; of a share, whether it happened to each rollout."""
+    """Returns one metric a trajectory; of a share, whether it happened to each rollout."""
 
 
 def stored(name: str, compute: Callable[[Rollouts], NDArray]) -> ScoredMetric:
@@ -203,10 +203,10 @@ METRICS = (
         is_share=True,
     ),
 )
-"""All figures, in the order in which they are shown."""
+"""All metrics, in the order in which they are shown."""
 
 
 def markdown_table() -> str:
-    """Return the figures and their meanings as a table in Markdown."""
+    """Return the metrics and their meanings as a table in Markdown."""
     rows = [(Cell(one.name, code=True), one.unit, one.better, one.description) for one in METRICS]
-    return markdown(make_table("", ("figure", "unit", "better", "meaning"), rows))
+    return markdown(make_table("", ("metric", "unit", "better", "meaning"), rows))

@@ -22,14 +22,14 @@ from kine2go_warp.tables import counted
 
 
 @dataclass(frozen=True)
-class MotionFigures:
-    """The figures of one motion, one a trajectory."""
+class MotionMetrics:
+    """The metrics of one motion, one a trajectory."""
 
     motion: str
     trajectories: int
     rows: int
     """Rows of all trajectories together."""
-    figures: Mapping[str, NDArray]
+    metrics: Mapping[str, NDArray]
     """By the names in ``METRICS``, each of shape [num_trajectories]; shares [num_rollouts]."""
 
 
@@ -72,33 +72,33 @@ def robot_note(dataset: Dataset, spec: RobotSpec) -> str:
     return f"made with another robot model{changes}: feet, limits and mass are taken from the present one"
 
 
-def measure(data: MotionData, spec: RobotSpec) -> MotionFigures:
-    """Compute all figures of a motion."""
+def measure(data: MotionData, spec: RobotSpec) -> MotionMetrics:
+    """Compute all metrics of a motion."""
     rollouts = Rollouts.of(data, spec)
-    return MotionFigures(
+    return MotionMetrics(
         motion=data.name,
         trajectories=len(rollouts.length),
         rows=int(rollouts.length.sum()),
-        figures={metric.name: metric.compute(rollouts) for metric in METRICS},
+        metrics={metric.name: metric.compute(rollouts) for metric in METRICS},
     )
 
 
-def score(measured: Sequence[MotionFigures]) -> DatasetScores:
-    """Turn figures into means with intervals."""
+def score(measured: Sequence[MotionMetrics]) -> DatasetScores:
+    """Turn metrics into means with intervals."""
     return DatasetScores({one.motion: _estimates([one]) for one in measured}, _estimates(measured))
 
 
-def _estimates(measured: Sequence[MotionFigures]) -> dict[str, Estimate]:
+def _estimates(measured: Sequence[MotionMetrics]) -> dict[str, Estimate]:
     """Return all estimates over some motions."""
     return {
         metric.name: (estimate_share if metric.is_share else estimate_mean)(
-            [one.figures[metric.name] for one in measured]
+            [one.metrics[metric.name] for one in measured]
         )
         for metric in METRICS
     }
 
 
-def write_json(dataset: Path, measured: Sequence[MotionFigures], scores: DatasetScores, path: Path) -> None:
+def write_json(dataset: Path, measured: Sequence[MotionMetrics], scores: DatasetScores, path: Path) -> None:
     """Write scores, what they mean and how they were computed; null stands for what cannot be measured."""
     content = {
         "dataset": str(dataset),

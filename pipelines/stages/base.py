@@ -27,7 +27,7 @@ class StageOutput:
 
     output: str
     """Hash of the content."""
-    figures: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
     """What people want to know of it."""
 
 

@@ -50,8 +50,8 @@ class GatherStage:
         writer = DatasetWriter(folder / STORE, job.robot)
         result = gather(PolicyFolder(upstream["train"].path), writer, job.recipe.gather, job.device, report)
         rejected = sum(result.rejected.values())
-        figures = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
-        return StageOutput(motion_content(folder / STORE, job.motion), figures)
+        metrics = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
+        return StageOutput(motion_content(folder / STORE, job.motion), metrics)
 
     def publish(self, job: Job, artefact: Artefact) -> None:
         """Take the motion into the dataset of the run.

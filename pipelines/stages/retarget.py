@@ -77,8 +77,8 @@ class RetargetStage:
             )
         clip.save(folder / f"{job.motion}.npz")
         monitor.advanced(1, 1, f"{clip.num_frames} frames")
-        figures = {"frames": clip.num_frames, "period": clip.period}
-        return StageOutput(clip.content_hash(), {**figures, "clip_remarks": remarks} if remarks else figures)
+        metrics = {"frames": clip.num_frames, "period": clip.period}
+        return StageOutput(clip.content_hash(), {**metrics, "clip_remarks": remarks} if remarks else metrics)
 
     def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the clip."""

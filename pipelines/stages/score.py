@@ -8,11 +8,11 @@ from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 
 HEADLINES = ("joint_rmse", "root_error", "foot_slip", "acceptance")
-"""Figures that are shown of every motion."""
+"""Metrics that are shown of every motion."""
 
 
 class ScoreStage:
-    """Makes ``MOTION.json`` with all figures of the motion."""
+    """Makes ``MOTION.json`` with all metrics of the motion."""
 
     name = "score"
     resumable = False

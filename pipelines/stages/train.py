@@ -41,8 +41,8 @@ class TrainStage:
             self._begin_from_shorter(job, upstream, folder)
 
         def report(progress: "TrainingProgress") -> None:
-            figures = {"reward": progress.reward, "episode_length": progress.episode_length}
-            monitor.advanced(progress.iteration, progress.total_iterations, str(progress), **figures)
+            metrics = {"reward": progress.reward, "episode_length": progress.episode_length}
+            monitor.advanced(progress.iteration, progress.total_iterations, str(progress), **metrics)
 
         record = train(
             [clip],
@@ -55,8 +55,8 @@ class TrainStage:
             should_stop=monitor.should_stop,
             on_note=monitor.note,
         )
-        figures = {"iterations": record.iterations, "seconds": round(record.seconds, 1)}
-        return StageOutput(PolicyFolder(folder).checkpoint_hash(), figures)
+        metrics = {"iterations": record.iterations, "seconds": round(record.seconds, 1)}
+        return StageOutput(PolicyFolder(folder).checkpoint_hash(), metrics)
 
     def _begin_from_shorter(self, job: Job, upstream: Inputs, folder: Path) -> None:
         """Begin with a copy of a finished training that differs in its number of iterations alone, if there is one."""

@@ -38,8 +38,8 @@ def test_json_events_tell_what_happens(finished, capsys):
     ]
     assert {"gather", "score", "record"} == {event["stage"] for event in events if event["kind"] == "stage_started"}
     (finish,) = (event for event in events if event["kind"] == "motion_finished")
-    assert finish["figures"]["accepted"] == 3
-    assert events[-1]["figures"] == {"finished": 1, "failed": 0, "stopped": 0}
+    assert finish["metrics"]["accepted"] == 3
+    assert events[-1]["metrics"] == {"finished": 1, "failed": 0, "stopped": 0}
     assert all(event["time"] > 1.7e9 for event in events)
 
 
@@ -59,7 +59,7 @@ def test_status_says_what_a_changed_setting_would_cost_and_changes_nothing(finis
     assert motion["next_stage"] == "train"
     assert "settings.env.seed 1 -> 5" in motion["why"]
     assert (motion["stages"]["train"], motion["stages"]["gather"]) == ("to do", "-")
-    assert motion["figures"]["frames"] == 30
+    assert motion["metrics"]["frames"] == 30
     assert sorted(finished.rglob("*")) == before
 
 
@@ -120,6 +120,6 @@ def test_the_live_table_shows_where_each_motion_is():
 def test_times_are_told_in_words():
     assert [duration(seconds) for seconds in (None, 3.21, 42.0, 125.0, 7260.0)] == [
         "", "3.2 s", "42 s", "2 min 05 s", "2 h 01 min"]  # fmt: skip
-    assert sentence(Event("run_finished", seconds=65.0, figures={"finished": 2, "failed": 1})) == (
+    assert sentence(Event("run_finished", seconds=65.0, metrics={"finished": 2, "failed": 1})) == (
         "2 finished, 1 failed in 1 min 05 s"
     )

@@ -69,7 +69,7 @@ def test_limit_usages_of_a_dataset_are_those_of_its_filter(clean_dataset):
     assert [one.reference.index for one in found] == [0, 1, 2, 3, 4]
     for one in found:
         index = one.reference.index
-        assert one.worst_limit_ratio == motion.values("quality/limit_share")[index] <= 1.0, "the filter kept it"
+        assert one.worst_limit_ratio == motion.values("quality/worst_limit_ratio")[index] <= 1.0, "the filter kept it"
         assert one.metrics[7] == motion.values("quality/foot_slip")[index]
         assert one.limits[:3] == (9.0, 3.2, 9.0)
         assert max(one.shares) == pytest.approx(one.worst_limit_ratio, rel=1e-6)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.schema import ROW_ARRAYS
-from kine2go_warp.dataset.statistics import compute_statistics, load_statistics, merge, moments_of, save_statistics
+from kine2go_warp.dataset.statistics import compute_moments, compute_statistics, load_statistics, merge, save_statistics
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
@@ -41,8 +41,8 @@ numbers = st.lists(st.floats(-1e3, 1e3, width=32) | st.just(float("nan")), max_s
 
 @given(numbers, numbers)
 def test_merging_gives_what_all_values_together_give(first, second):
-    together = moments_of(np.array([*first, *second]))
-    merged = merge(moments_of(np.array(first)), moments_of(np.array(second)))
+    together = compute_moments(np.array([*first, *second]))
+    merged = merge(compute_moments(np.array(first)), compute_moments(np.array(second)))
     known = [value for value in (*first, *second) if not np.isnan(value)]
     assert merged.count == together.count == len(known)
     np.testing.assert_allclose(merged.mean, np.mean(known) if known else 0.0, rtol=1e-9, atol=1e-9)
@@ -52,9 +52,9 @@ def test_merging_gives_what_all_values_together_give(first, second):
 
 def test_a_small_spread_far_from_zero_is_not_lost(rng):
     values = 1e7 + rng.normal(0.0, 1e-2, (50, 200))
-    total = moments_of(values[0])
+    total = compute_moments(values[0])
     for part in values[1:]:
-        total = merge(total, moments_of(part))
+        total = merge(total, compute_moments(part))
     assert float(total.std) == pytest.approx(values.std(), rel=1e-6)
 
 

@@ -30,4 +30,7 @@ def test_assigning_episode_lengths_reaches_the_graph(environment):
     env.episode_length_buf = torch.full((env.num_envs,), int(env.max_episode_length) - 1)
     *_, extras = env.step(torch.zeros(env.num_envs, 12))
     assert bool(extras["time_outs"].all())
+    ends = {name: float(value) for name, value in extras["log"].items() if name.startswith("Termination/")}
+    assert ends.pop("Termination/time_out") == 1.0
+    assert set(ends.values()) == {0.0}
     assert int(wp.to_torch(environment.episodes.length).max()) == 0

@@ -45,7 +45,7 @@ def test_a_recipe_accepts_it_by_name_and_its_faults_are_kept(tmp_path, data):
     job.workspace.log(job.motion).parent.mkdir(parents=True)
     job.workspace.progress(job.motion).parent.mkdir(parents=True, exist_ok=True)
     made = RetargetStage().make(job, {}, tmp_path / "made", Monitor(job, "retarget"))
-    assert any("out of reach" in remark for remark in made.figures["clip_remarks"])
+    assert any("out of reach" in remark for remark in made.metrics["clip_remarks"])
     assert RetargetStage().inputs(job, {})["accepted"]
 
 

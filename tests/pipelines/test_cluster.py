@@ -25,7 +25,7 @@ def cluster():
 
 
 def test_a_node_that_is_lost_while_training_changes_nothing(cluster, tmp_path):
-    recipe = replace(TWO, train=TWO.train.override({"ppo.iterations": 60}))
+    recipe = replace(TWO, train=TWO.train.override({"ppo.iterations": 30}))
     data = write_sources(tmp_path / "data")
     nodes = [cluster.add_node(num_cpus=1, resources={f"node{number}": 1}) for number in range(2)]
     folder = tmp_path / "run"

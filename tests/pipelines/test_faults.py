@@ -88,7 +88,7 @@ class Killer:
 
 
 def kill_workers(recipe: Recipe, data: Path, folder: Path, places: list[tuple[str, str, int]]) -> None:
-    recipe = replace(recipe, train=recipe.train.override({"ppo.iterations": 40}))
+    recipe = replace(recipe, train=recipe.train.override({"ppo.iterations": 20}))
     engine = LocalEngine(len(recipe.motions), "cpu", folder / "logs")
     killer = Killer(engine, Workspace(folder / "killed"), list(places))
     result, listener = run(recipe, folder / "killed", data, engine, killer)

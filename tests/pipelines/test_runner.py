@@ -72,8 +72,8 @@ def test_a_second_run_changes_nothing(finished):
 def test_a_finished_motion_tells_its_figures(finished):
     *_, listener = finished
     (event,) = listener.of("motion_finished")
-    assert event.figures["accepted"] == 3
-    assert 0.0 < event.figures["joint_rmse"] < 1.0
+    assert event.metrics["accepted"] == 3
+    assert 0.0 < event.metrics["joint_rmse"] < 1.0
 
 
 @pytest.mark.parametrize(

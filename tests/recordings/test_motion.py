@@ -22,9 +22,9 @@ from kine2go_warp.recordings.summary import pushes_text
 from kine2go_warp.recordings.trajectory import (
     FORCE_SCALE,
     STEPS_AHEAD,
-    entity_of,
     log_trajectory,
     steps_ahead,
+    trajectory_entity,
 )
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
@@ -49,7 +49,7 @@ def test_the_recording_is_whole(path):
 def test_root_and_joints_are_those_of_the_dataset_bit_for_bit(motion, path):
     recorded = Recorded(path)
     for one in motion.read(motion.references(), None):
-        entity = f"/{entity_of(one.index)}"
+        entity = f"/{trajectory_entity(one.index)}"
         time, places = recorded.column(f"{entity}/robot/base", "Transform3D:translation")
         assert np.array_equal(np.array(places, np.float32)[:, 0], one.arrays["root_position"])
         np.testing.assert_allclose(time, motion.time[: one.length], atol=1e-9)
@@ -106,13 +106,13 @@ def test_errors_are_shares_of_the_limits_and_the_worst_trajectory_comes_first(mo
         (usage.worst_limit_ratio for _, usage in shown), reverse=True
     )
     for one, usage in shown:
-        _, shares = recorded.column(f"/{entity_of(one.index)}/plots/errors", "Scalars:scalars")
+        _, shares = recorded.column(f"/{trajectory_entity(one.index)}/plots/errors", "Scalars:scalars")
         distance = np.linalg.norm(one.arrays["root_position"] - one.arrays["reference_root_position"], axis=-1)
         np.testing.assert_allclose(np.array(shares)[:, 0], distance / usage.limits[0], rtol=1e-5)
         joints = one.arrays["joint_position"] - one.arrays["reference_joint_position"]
         rmse = np.sqrt(np.mean(joints**2, axis=-1))
         np.testing.assert_allclose(np.array(shares)[:, 2], rmse / usage.limits[2], rtol=1e-5)
-        _, limit = recorded.column(f"/{entity_of(one.index)}/plots/limit", "Scalars:scalars")
+        _, limit = recorded.column(f"/{trajectory_entity(one.index)}/plots/limit", "Scalars:scalars")
         assert set(np.ravel(limit)) == {1.0}
 
 

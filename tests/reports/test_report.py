@@ -54,9 +54,9 @@ def test_the_scorecard_holds_what_score_writes(page, scores):
         assert overall[figure] == pytest.approx(scores["overall"][figure]["value"], rel=1e-12)
 
 
-def test_each_motion_has_all_figures(page, scores):
+def test_each_motion_has_all_metrics(page, scores):
     for name in ("walk", "stroll"):
-        _, *rows = page.tables[f"All figures of {name}"]
+        _, *rows = page.tables[f"All metrics of {name}"]
         assert [row[0].text for row in rows] == [metric.name for metric in METRICS]
         for row in rows:
             for figure, value in values_of(row).items():
@@ -65,7 +65,7 @@ def test_each_motion_has_all_figures(page, scores):
 
 def test_the_reference_of_a_motion_has_its_figures_where_the_dataset_says_them(page):
     heading, *rows = page.tables["Reference of walk"]
-    assert [cell.text for cell in heading] == ["figure", "value", "unit", "meaning"]
+    assert [cell.text for cell in heading] == ["metric", "value", "unit", "meaning"]
     assert [[cell.text for cell in row] for row in rows] == [
         ["trunk_pitch", "-0.556", "deg", "pitch & <more>"],
         ["flight_acceleration", "-", "m/s^2", "while no foot stands"],

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -13,10 +14,11 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.recordings.shapes import Motors
 from kine2go_warp.robots import GO2, RobotSpec, robot_named
 from kine2go_warp.robots.kinematics import foot_positions
 from tests.conftest import ANYTHING_GOES
-from tests.robots.made_up import CALF, FOOT, PAGE, THIGH, WIDTH, write_robot
+from tests.robots.made_up import CALF, FOOT, PAGE, THIGH, WIDTH, urdf, write_robot
 
 LOOSE = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in ANYTHING_GOES.items())
 SMALL = {
@@ -87,6 +89,40 @@ def test_the_simulated_robot_weighs_what_its_urdf_says(place):
     links = data.trajectories.rows["link_position"][0, :10]
     assert np.linalg.norm(links[:, 2] - links[:, 1], axis=-1) == pytest.approx(THIGH, abs=1e-4)
     assert np.linalg.norm(links[:, 12] - links[:, 2], axis=-1) == pytest.approx(CALF, abs=1e-4)
+
+
+LATER = (
+    "dataset review data.zarr --save",
+    "dataset score data.zarr",
+    "dataset report data.zarr",
+    "dataset render data.zarr dog_trot --out trot.mp4 --end 0.1 --size 160x120",
+    "dataset export data.zarr --format npz",
+    "policy eval policy --worlds 4 --seconds 0.5 --device cpu",
+    "policy export policy",
+    "policy sim2sim policy --worlds 2 --seconds 0.5 --device cpu",
+)
+
+
+@pytest.fixture(scope="module")
+def results(place, tmp_path_factory):
+    """A copy of what the commands of the page have made."""
+    return shutil.copytree(place[0], tmp_path_factory.mktemp("results") / "made_up")
+
+
+@pytest.mark.parametrize("command", LATER)
+def test_later_commands_take_the_robot_from_what_they_open(results, command, monkeypatch, request):
+    if "report" in command or "render" in command:
+        request.getfixturevalue("can_draw")
+    monkeypatch.chdir(results)
+    assert main(command.split()) == 0
+
+
+def test_a_robot_without_motors_at_the_hips_is_drawn_without_them(place, tmp_path):
+    spec = MotionClip.load(place[0] / "clips" / "dog_trot.npz").spec
+    assert Motors.of(spec) is not None
+    bare = tmp_path / "bare.urdf"
+    bare.write_text(urdf().replace('<cylinder radius="0.04" length="0.04"/>', '<sphere radius="0.04"/>'))
+    assert Motors.of(replace(spec, urdf=bare)) is None
 
 
 def error_of(capsys, *arguments: object) -> str:

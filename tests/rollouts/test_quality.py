@@ -115,7 +115,7 @@ def test_a_perfect_rollout_uses_nothing_of_its_limits():
     result = filtered(perfect())
     assert result.reasons == ("",)
     assert result.accepted.tolist() == [True]
-    assert result.quality["limit_share"] == pytest.approx(0.0, abs=1e-6)
+    assert result.quality["worst_limit_ratio"] == pytest.approx(0.0, abs=1e-6)
     assert set(result.quality) == {array.name for array in QUALITY_ARRAYS}
 
 
@@ -128,7 +128,7 @@ def test_each_limit_rejects_for_its_own_reason_and_no_other_rollout(reason):
     assert result.reasons == ("", reason, "")
     name, setting = next((one.name, one.setting) for one in FILTER_METRICS if one.reason == reason)
     assert result.quality[name][1] == pytest.approx(expected, rel=1e-4)
-    assert result.quality["limit_share"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
+    assert result.quality["worst_limit_ratio"][1] == pytest.approx(expected / getattr(CONFIG, setting), rel=1e-4)
 
 
 @pytest.mark.parametrize("first", range(len(FAULTS)))
@@ -150,16 +150,16 @@ def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():
     assert filtered(rows, config=config).reasons == ("", "leg_contact")
 
 
-def test_limit_share_is_the_largest_share_of_a_limit():
+def test_worst_limit_ratio_is_the_largest_share_of_a_limit():
     rows = perfect(3)
     rows["root_position"][0, 7, 1] = 0.45  # 0.9 of 0.5 m
     rows["reference_joint_position"][0] += 0.15  # 0.6 of 0.25 rad
     rows["link_linear_velocity"][1, :, :, 1] = 0.3  # 0.75 of 0.4 m/s
     rows["root_position"][2, 7, 1] = 0.1  # 0.2 of 0.5 m
     result = filtered(rows, config=GatherConfig(max_distance=0.5, max_joint_rmse=0.25, max_foot_slip=0.4))
-    np.testing.assert_allclose(result.quality["limit_share"], (0.9, 0.75, 0.2), rtol=1e-5)
+    np.testing.assert_allclose(result.quality["worst_limit_ratio"], (0.9, 0.75, 0.2), rtol=1e-5)
     assert result.accepted.all()
-    assert (result.quality["limit_share"] > BORDERLINE).tolist() == [True, False, False]
+    assert (result.quality["worst_limit_ratio"] > BORDERLINE).tolist() == [True, False, False]
 
 
 def test_rows_beyond_the_end_do_not_count():
@@ -181,8 +181,8 @@ def test_a_rollout_without_rows_keeps_the_reason_of_its_failure(recwarn):
         values[1] = np.nan
     result = filtered(rows, ["", "body_contact"])
     assert result.reasons == ("", "body_contact")
-    assert np.isnan(result.quality["limit_share"][1])
-    assert result.quality["limit_share"][0] == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(result.quality["worst_limit_ratio"][1])
+    assert result.quality["worst_limit_ratio"][0] == pytest.approx(0.0, abs=1e-6)
     assert not list(recwarn)
 
 

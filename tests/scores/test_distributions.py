@@ -7,7 +7,7 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
-from kine2go_warp.scores.distributions import distributions
+from kine2go_warp.scores.distributions import distributions, draw_distributions
 from tests.conftest import ANYTHING_GOES
 
 
@@ -36,6 +36,15 @@ def test_the_command_prints_every_figure_and_draws_a_picture(dataset, tmp_path, 
         assert name in output
     with Image.open(tmp_path / "new" / "quality.png") as picture:
         assert len(np.unique(np.asarray(picture.convert("L")))) > 20
+
+
+def test_every_limited_metric_has_a_panel(dataset, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("kine2go_warp.scores.distributions.save", lambda figure, _: drawn.append(figure))
+    found = distributions(dataset, "dog_trot")
+    draw_distributions({"dog_trot": found}, tmp_path / "quality.png")
+    titles = [axes.get_title() for axes in drawn[0].axes if axes.axison]
+    assert titles == [f"{one.name.replace('_', ' ')} [{one.unit}]" for one in found]
 
 
 def test_an_unknown_motion_is_refused(dataset, capsys):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from kine2go_warp.dataset.trajectories import Trajectories
-from kine2go_warp.scores.plots import PHASE_BINS, curves_of, draw, draw_coverage, draw_phase, quantiles_by_phase
+from kine2go_warp.scores.plots import PHASE_BINS, compute_curves, draw, draw_coverage, draw_phase, quantiles_by_phase
 
 
 @pytest.fixture
 def curves(simulated):
-    return curves_of(simulated)
+    return compute_curves(simulated)
 
 
 def test_quantiles_are_taken_in_bins_of_the_phase(rng):
@@ -33,7 +33,7 @@ def test_curves_hold_one_path_a_trajectory_without_padding(simulated):
     length = simulated.trajectories.draws["length"].copy()
     length[1] = 25
     cut = Trajectories(simulated.trajectories.rows, {"length": length}).padded()
-    curves = curves_of(replace(simulated, trajectories=cut))
+    curves = compute_curves(replace(simulated, trajectories=cut))
     assert [len(path) for path in curves.paths] == [len(heading) for heading in curves.headings] == length.tolist()
     for path, rows in zip(curves.paths, cut.rows["root_position"], strict=True):
         np.testing.assert_allclose(path, rows[: len(path), :2])

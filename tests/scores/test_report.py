@@ -10,7 +10,7 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.summary import summarise_motion
 from kine2go_warp.robots import GO2
 from kine2go_warp.scores.registry import METRICS
-from kine2go_warp.scores.report import MotionFigures, measure, robot_note, score, write_json
+from kine2go_warp.scores.report import MotionMetrics, measure, robot_note, score, write_json
 
 
 @pytest.fixture
@@ -27,9 +27,9 @@ def test_scores_agree_with_the_summary_of_the_dataset(measured, simulated_datase
 
 
 def test_overall_is_the_mean_of_the_motions(measured):
-    twice = {name: 2.0 * values for name, values in measured.figures.items()}
-    twice |= {metric.name: measured.figures[metric.name] for metric in METRICS if metric.is_share}
-    scores = score([measured, MotionFigures("other", 4, 240, twice)])
+    twice = {name: 2.0 * values for name, values in measured.metrics.items()}
+    twice |= {metric.name: measured.metrics[metric.name] for metric in METRICS if metric.is_share}
+    scores = score([measured, MotionMetrics("other", 4, 240, twice)])
     assert scores.overall["power"].value == pytest.approx(1.5 * scores.motions["dog_trot"]["power"].value)
     assert scores.overall["acceptance"].count == 8
 
@@ -49,9 +49,9 @@ def test_the_file_holds_every_figure_with_its_meaning_and_interval(measured, tmp
 
 
 def test_what_cannot_be_measured_is_null(measured, tmp_path):
-    unknown = dict(measured.figures) | {"foot_slip": np.full(4, np.nan)}
-    figures = MotionFigures("dog_trot", 4, 240, unknown)
-    write_json(tmp_path, [figures], score([figures]), tmp_path / "scores.json")
+    unknown = dict(measured.metrics) | {"foot_slip": np.full(4, np.nan)}
+    metrics = MotionMetrics("dog_trot", 4, 240, unknown)
+    write_json(tmp_path, [metrics], score([metrics]), tmp_path / "scores.json")
     content = json.loads((tmp_path / "scores.json").read_text())
     assert content["overall"]["foot_slip"] == {"value": None, "low": None, "high": None, "count": 0}
 

@@ -136,7 +136,7 @@ def check_metadata(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
 
 def differences(array: Any, expected: ArraySpec, sizes: dict[str, int]) -> Iterator[str]:
     """Yield how an array's metadata differ from the schema's."""
-    dimensions = dimensions_of(array)
+    dimensions = read_dimensions(array)
     if dimensions != expected.dims:
         yield f"its dimensions are {shown(list(dimensions))}, not {shown(list(expected.dims))}"
     shape = tuple(sizes.get(dimension) for dimension in expected.dims)
@@ -152,7 +152,7 @@ def differences(array: Any, expected: ArraySpec, sizes: dict[str, int]) -> Itera
         yield f"its fill value is {array.fill_value}, not {fill}"
 
 
-def dimensions_of(array: Any) -> tuple[str | None, ...]:
+def read_dimensions(array: Any) -> tuple[str | None, ...]:
     """Return the names of an array's dimensions, empty if it has none."""
     return tuple(array.metadata.dimension_names or ())
 
@@ -170,7 +170,7 @@ def check_labels(motion: StoredMotion, layout: Layout) -> Iterator[Complaint]:
             continue
         if labels != expected:
             yield Complaint(f"its labels are {shown(list(labels))}, not {shown(list(expected))}", name)
-        dimensions = dimensions_of(motion.arrays[name])
+        dimensions = read_dimensions(motion.arrays[name])
         if dimensions != (name,):
             yield Complaint(f"its dimensions are {shown(list(dimensions))}, not ['{name}']", name)
 

@@ -1,4 +1,4 @@
-"""Checks of the reference, the limits of acceptance, the rewards and the quality figures."""
+"""Checks of the reference, the limits of acceptance, the rewards and the quality metrics."""
 
 from collections.abc import Callable
 
@@ -138,16 +138,16 @@ def reward_error(kernel: str, expected: Callable[..., Array]) -> Measure:
 
 
 def quality_error(name: str) -> Measure:
-    """Return a measure of how far a stored quality figure is from the rows' own, in parts of 1 + the figure."""
+    """Return a measure of how far a stored quality metric is from the rows' own, in parts of 1 + the metric."""
 
     def measure(block: Block) -> Array | None:
         if name == "foot_slip":
-            figures = {name: foot_slip(contact_velocities(block.spec, block.rows), block["foot_contact_force"])}
+            metrics = {name: foot_slip(contact_velocities(block.spec, block.rows), block["foot_contact_force"])}
         else:
-            figures = tracking_quality(block.rows)
-        if name not in figures:
+            metrics = tracking_quality(block.rows)
+        if name not in metrics:
             return None
-        return np.abs(block[f"quality/{name}"] - figures[name]) / (1.0 + np.abs(figures[name]))
+        return np.abs(block[f"quality/{name}"] - metrics[name]) / (1.0 + np.abs(metrics[name]))
 
     return measure
 
@@ -211,7 +211,7 @@ CHECKS = (
         RowCheck(
             "quality", f"quality/{array.name}",
             (f"quality/{array.name}", *(SLIP if array.name == "foot_slip" else (*JOINTS, *ROOTS, *FEET))),
-            "quality figures are those of the rows", "not the figure of the rows: off", quality_error(array.name),
+            "quality metrics are those of the rows", "not the metric of the rows: off", quality_error(array.name),
             1e-5,
         )
         for array in QUALITY_ARRAYS
