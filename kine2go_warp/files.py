@@ -2,11 +2,37 @@
 
 import contextlib
 import fcntl
+import glob
 import hashlib
 import os
+import platform
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+
+
+def temporary_sibling(path: Path) -> Path:
+    """Return a temporary name beside ``path``; what killed processes of this machine left there is removed."""
+    prefix, suffix = f".tmp-{platform.node()}-", f"-{path.name}"
+    for leftover in path.parent.glob(f"{glob.escape(prefix)}*{glob.escape(suffix)}"):
+        process = leftover.name.removeprefix(prefix).removesuffix(suffix)
+        if process.isdigit() and not is_running(int(process)):
+            if leftover.is_dir() and not leftover.is_symlink():
+                shutil.rmtree(leftover, ignore_errors=True)
+            else:
+                leftover.unlink(missing_ok=True)
+    return path.with_name(f"{prefix}{os.getpid()}{suffix}")
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process of this machine exists."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 @contextlib.contextmanager
@@ -17,7 +43,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     raises, the temporary file is removed and ``path`` stays as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".tmp-{os.getpid()}-{path.name}")
+    temporary = temporary_sibling(path)
     try:
         yield temporary
         flush_to_disk(temporary)
@@ -33,7 +59,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     If the block raises, the temporary folder is removed and ``path`` stays as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".tmp-{os.getpid()}-{path.name}")
+    temporary = temporary_sibling(path)
     old = temporary.with_name(f"{temporary.name}-old")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()

@@ -8,6 +8,27 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end, or its terminal was closed; what it does about Ctrl-C it does about this."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.status = 128 + number
+        """Exit status that shells give for the signal."""
+
+
+def end_like_interrupted() -> None:
+    """Make SIGTERM and SIGHUP raise ``Terminated``, so that temporary files are removed; ``nohup`` stays in force."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _terminate)
+
+
+def _terminate(number: int, _frame: FrameType | None) -> None:
+    """Raise what ends the process."""
+    raise Terminated(number)
+
+
 class TrainingInterrupted(KeyboardInterrupt):
     """Training has stopped on request, after writing a checkpoint from which it continues exactly.
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from kine2go_warp.settings import check_ranges
+
 
 @dataclass(frozen=True)
 class RetargetConfig:
@@ -28,3 +30,14 @@ class RetargetConfig:
     time_scale: float | Literal["froude"] = 1.0
     """Duration of the motion over the animal's. ``froude``: the square root of the size of the robot over the animal's,
     at which bodies of both sizes fall alike; flights then follow a parabola."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            Kine2GoError: a value is outside.
+        """
+        check_ranges(self, search_time=(0, 10), blend_time=(0, 10), smoothing=(0, 1), stance_height=(0, 1))
+        check_ranges(self, stance_speed=(0, 1), swing_clearance=(0, 0.2), knee_margin=(0, 0.5))
+        if self.time_scale != "froude":
+            check_ranges(self, time_scale=(0.1, 10))

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from kine2go_warp.errors import PipelineError
-from kine2go_warp.files import locked, moved_aside
+from kine2go_warp.files import locked, moved_aside, temporary_sibling
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Workspace:
         link.parent.mkdir(parents=True, exist_ok=True)
         if link.exists() and not link.is_symlink():
             moved_aside(link, "older")
-        temporary = link.with_name(f".tmp-{os.getpid()}-{link.name}")
+        temporary = temporary_sibling(link)
         temporary.unlink(missing_ok=True)
         temporary.symlink_to(target)
         temporary.replace(link)

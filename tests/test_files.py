@@ -1,5 +1,10 @@
 """Files and folders appear whole or not at all."""
 
+import os
+import platform
+import subprocess
+import sys
+
 import pytest
 
 from kine2go_warp.files import atomic_file, atomic_folder
@@ -60,3 +65,23 @@ def test_a_folder_stays_as_it_was_if_writing_is_interrupted(tmp_path):
         half_a_folder(tmp_path / "export")
     assert names(tmp_path) == ["export"]
     assert names(tmp_path / "export") == ["old"]
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for process, content in ((gone.pid, "left"), (os.getppid(), "of a living process")):
+        (tmp_path / f".tmp-{platform.node()}-{process}-figures.json").write_text(content)
+    (tmp_path / f".tmp-elsewhere-{gone.pid}-figures.json").write_text("of another machine")
+    folder = tmp_path / f".tmp-{platform.node()}-{gone.pid}-data"
+    folder.mkdir()
+    with atomic_file(tmp_path / "figures.json") as temporary:
+        temporary.write_text("1")
+    with atomic_folder(tmp_path / "data"):
+        pass
+    assert set(names(tmp_path)) == {
+        f".tmp-elsewhere-{gone.pid}-figures.json",
+        f".tmp-{platform.node()}-{os.getppid()}-figures.json",
+        "data",
+        "figures.json",
+    }

@@ -1,5 +1,7 @@
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -31,3 +33,38 @@ def test_in_another_thread_it_handles_no_signals_and_stops_nothing():
     thread.start()
     thread.join()
     assert seen == [False]
+
+
+WRITING = """
+import os, sys, time
+from pathlib import Path
+from kine2go_warp.cli import main as cli
+from kine2go_warp.files import atomic_file
+
+class Writes:
+    def run(self):
+        with atomic_file(Path(sys.argv[1])) as temporary:
+            temporary.write_text("half")
+            os.kill(os.getpid(), int(sys.argv[2]))
+            time.sleep(30)
+
+cli.parsed = lambda given: Writes()
+cli.entry_point()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_command_that_is_ended_leaves_nothing_half_written(number, tmp_path):
+    arguments = [sys.executable, "-c", WRITING, str(tmp_path / "film.mp4"), str(int(number))]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 128 + number
+    assert ended.stderr.count("\n") == 1
+    assert "interrupted" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_command_under_nohup_goes_on(tmp_path):
+    script = WRITING.replace("time.sleep(30)", "temporary.write_text('whole')")
+    arguments = ["nohup", sys.executable, "-c", script, str(tmp_path / "film.mp4"), str(int(signal.SIGHUP))]
+    subprocess.run(arguments, capture_output=True, timeout=60, check=False)
+    assert (tmp_path / "film.mp4").read_text() == "whole"

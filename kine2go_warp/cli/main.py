@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from kine2go_warp import __version__
 from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.extras import named_extras
+from kine2go_warp.interruption import end_like_interrupted
 
 if TYPE_CHECKING:
     from kine2go_warp.cli.commands import Doctor as Command
@@ -67,8 +68,8 @@ PIPE_CLOSED = 141
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status.
 
-    0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted; 141 if
-    the output is closed.
+    0; 1 if a check of a dataset found something; 2 for an error that the user can mend; 130 if interrupted, 143 by
+    SIGTERM, 129 by SIGHUP; 141 if the output is closed.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     message = ""
@@ -87,10 +88,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return PIPE_CLOSED
     except OSError as error:
         return report(explain(error))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interruption:
         if message:
             print(message, file=sys.stderr)
-        return INTERRUPTED
+        return getattr(interruption, "status", INTERRUPTED)
 
 
 def parsed(given: list[str]) -> "Command | None":
@@ -211,6 +212,7 @@ def report(message: str) -> int:
 
 def entry_point() -> None:
     """Run the console script."""
+    end_like_interrupted()
     try:
         status = main()
         sys.stdout.flush()

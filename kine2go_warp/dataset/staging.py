@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kine2go_warp.files import flush_folder, locked
+from kine2go_warp.files import flush_folder, is_running, locked
 
 
 @dataclass(frozen=True)
@@ -114,14 +114,3 @@ class StagingArea:
             elif not mine or one.kind in ("old", "junk"):
                 shutil.rmtree(one.folder, ignore_errors=True)
         return others
-
-
-def is_running(process: int) -> bool:
-    """Return whether a process of this machine exists."""
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

@@ -1,6 +1,5 @@
 """Where a recording goes while it is made: to a viewer, or piece by piece into a file."""
 
-import os
 import shutil
 from pathlib import Path
 from typing import Protocol
@@ -8,7 +7,7 @@ from typing import Protocol
 import rerun as rr
 
 from kine2go_warp.errors import RecordingError
-from kine2go_warp.files import flush_to_disk
+from kine2go_warp.files import flush_to_disk, temporary_sibling
 
 PATIENCE = 5.0
 """How long a viewer may take to accept what is left when a recording ends [s]."""
@@ -57,7 +56,7 @@ class FileSink:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.temporary = path.with_name(f".tmp-{os.getpid()}-{path.name}")
+        self.temporary = temporary_sibling(path)
 
     def open(self, recording: rr.RecordingStream) -> None:
         """Begin the file."""

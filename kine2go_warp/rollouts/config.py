@@ -1,5 +1,6 @@
 """Settings of the gathering stage, and the environment that policies are rolled out in."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -7,6 +8,7 @@ from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, ResetConfig
 from kine2go_warp.env.terms.randomization import RandomizationTerm, check_randomization, randomized
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.settings import check_ranges
 
 ProgressCallback = Callable[[int, int, str], None]
 """Called with what is done, the total, and details in words."""
@@ -65,20 +67,22 @@ class GatherConfig:
     """What differs between the rollouts."""
 
     def __post_init__(self) -> None:
-        if self.trajectories < 1 or (self.rows is not None and self.rows < 2):
-            raise DatasetError("trajectories must be at least 1 and rows at least 2")
-        if not 0.0 <= self.action_noise_scale[0] <= self.action_noise_scale[1] or self.warm_up < 0.0 or self.seed < 0:
-            raise DatasetError(
-                "action-noise-scale needs 0 <= lowest <= highest, and warm-up and seed must not be negative"
-            )
-        if self.max_attempts < 1.0 or (self.num_worlds is not None and self.num_worlds < 1):
-            raise DatasetError("max-attempts and num-worlds must be at least 1")
-        if not 0.0 <= self.min_acceptance <= 1.0:
-            raise DatasetError("min-acceptance must be between 0 and 1")
+        check_ranges(
+            self,
+            trajectories=(1, 1e6),
+            rows=(2, 1e7),
+            warm_up=(0, 1e4),
+            action_noise_scale=(0, 100),
+            seed=(0, 2**31 - 1),
+            num_worlds=(1, 1e6),
+            max_attempts=(1, 1e6),
+            min_acceptance=(0, 1),
+            **{name: (1e-9, math.inf) for name in vars(self) if name.startswith("max_") and name != "max_attempts"},
+        )
+        lowest, highest = self.action_noise_scale
+        if lowest > highest:
+            raise DatasetError(f"action_noise_scale is {[lowest, highest]}; the first must not be above the second")
         check_randomization(self.randomization)
-        for name, value in vars(self).items():
-            if name.startswith("max_") and value <= 0.0:
-                raise DatasetError(f"{name.replace('_', '-')} must be positive")
 
     def worlds(self, device: str) -> int:
         """Return how many rollouts to run at once."""
