@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import torch
@@ -191,7 +192,9 @@ def walk(name: str, env: ImitationVecEnv, actor: Actor, noise: Tensor | float, w
     return Metrics(name, share.count, (share.value, share.low, share.high), rmse, error)
 
 
-def compare(clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dict, settings: Settings) -> list[Metrics]:
+def compare(
+    clone: Clone, policy: PolicyFolder, config: EnvConfig, gathered: dict[str, Any], settings: Settings
+) -> list[Metrics]:
     """Let original and clone walk in the same new worlds, drawn as those of the dataset; return their metrics."""
     warm_up, rows = (round(time * config.control_rate) for time in (gathered["warm_up"], settings.duration))
     config = replace(config, num_worlds=settings.worlds, seed=settings.seed)

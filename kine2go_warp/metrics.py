@@ -9,7 +9,7 @@ quaternions are (w, x, y, z).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kine2go_warp.rotations import conjugate, multiply, rotate, rotation_angle, rotation_vector
 
 Array = NDArray[np.float64]
-Rows = Mapping[str, NDArray]
+Rows = Mapping[str, NDArray[Any]]
 """Row arrays of a dataset by name, each of shape [..., num_rows, *row]."""
 
 GRAVITY = 9.81
@@ -100,7 +100,7 @@ METRICS = {metric.name: metric for metric in (*FILTER_METRICS, *TRACKING_METRICS
 """Metrics that a dataset stores for each trajectory, by name; ``scores.registry`` has those that are scored."""
 
 
-def root_error(rows: Rows) -> NDArray:
+def root_error(rows: Rows) -> NDArray[Any]:
     """Return the distance of the root from its reference [m], shape [..., num_rows]."""
     return np.linalg.norm(rows["root_position"] - rows["reference_root_position"], axis=-1)
 
@@ -120,12 +120,12 @@ def joint_rmse(rows: Rows) -> Array:
     return np.sqrt(np.mean(joint_error(rows) ** 2, axis=-1))
 
 
-def foot_error(rows: Rows) -> NDArray:
+def foot_error(rows: Rows) -> NDArray[Any]:
     """Return the distance of each foot from its reference [m], shape [..., num_rows, 4]."""
     return np.linalg.norm(rows["link_position"][..., FOOT_LINKS, :] - rows["reference_foot_position"], axis=-1)
 
 
-def tracking_quality(rows: Rows) -> dict[str, NDArray]:
+def tracking_quality(rows: Rows) -> dict[str, NDArray[Any]]:
     """Return the mean tracking errors by the names in ``METRICS``, each of shape [num_trajectories].
 
     Padding (NaN) does not count.
@@ -138,7 +138,7 @@ def tracking_quality(rows: Rows) -> dict[str, NDArray]:
     }
 
 
-def mean_per_trajectory(values: NDArray) -> Array:
+def mean_per_trajectory(values: NDArray[Any]) -> Array:
     """Return the mean over all axes but the first, without NaN."""
     values = np.asarray(values, np.float64).reshape(len(values), -1)
     there = ~np.isnan(values)
@@ -146,66 +146,68 @@ def mean_per_trajectory(values: NDArray) -> Array:
         return np.sum(values, axis=1, where=there) / there.sum(axis=1)
 
 
-def share_per_trajectory(happens: NDArray[np.bool_], values: NDArray) -> Array:
+def share_per_trajectory(happens: NDArray[np.bool_], values: NDArray[Any]) -> Array:
     """Return in which share of the entries of ``values`` that are not NaN something happens."""
     return mean_per_trajectory(np.where(np.isnan(values), np.nan, happens))
 
 
-def mean_distance(a: NDArray, b: NDArray) -> Array:
+def mean_distance(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return the mean length of ``a - b``, vectors along the last axis."""
     return mean_per_trajectory(np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1))
 
 
-def mean_square(a: NDArray, b: NDArray) -> Array:
+def mean_square(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return the mean square of ``a - b`` over rows and components."""
     return mean_per_trajectory((np.asarray(a, np.float64) - b) ** 2)
 
 
-def root_mean_square(a: NDArray, b: NDArray) -> Array:
+def root_mean_square(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return the root of the mean square of ``a - b`` over rows and components."""
     return np.sqrt(mean_square(a, b))
 
 
-def rotation_error(orientation: NDArray, reference: NDArray) -> Array:
+def rotation_error(orientation: NDArray[Any], reference: NDArray[Any]) -> Array:
     """Return the mean angle between orientations [rad]."""
     turn = rotation_vector(multiply(orientation, conjugate(reference)))
     return mean_per_trajectory(np.linalg.norm(turn, axis=-1))
 
 
-def in_base_frame(points: NDArray, root_position: NDArray, root_orientation: NDArray) -> Array:
+def in_base_frame(points: NDArray[Any], root_position: NDArray[Any], root_orientation: NDArray[Any]) -> Array:
     """Return points as seen from the base [m], shape [num_trajectories, num_rows, num_points, 3]."""
     offset = np.asarray(points, np.float64) - root_position[..., None, :]
     return rotate(conjugate(root_orientation)[..., None, :], offset)
 
 
-def central_difference(values: NDArray, frame_duration: float) -> Array:
+def central_difference(values: NDArray[Any], frame_duration: float) -> Array:
     """Return rates of change at all rows but the first and last, shape [num_trajectories, num_rows - 2, ...]."""
     values = np.asarray(values, np.float64)
     return (values[:, 2:] - values[:, :-2]) / (2.0 * frame_duration)
 
 
-def angular_velocity(orientation: NDArray, frame_duration: float) -> Array:
+def angular_velocity(orientation: NDArray[Any], frame_duration: float) -> Array:
     """Return angular velocities in the world frame [rad/s] at all rows but the first and last."""
     turn = multiply(orientation[:, 2:], conjugate(orientation[:, :-2]))
     return rotation_vector(turn) / (2.0 * frame_duration)
 
 
-def linear_velocity_error(velocity: NDArray, reference_position: NDArray, frame_duration: float) -> Array:
+def linear_velocity_error(velocity: NDArray[Any], reference_position: NDArray[Any], frame_duration: float) -> Array:
     """Return the mean length of the velocity error [m/s]; the reference's is a central difference."""
     return mean_distance(velocity[:, 1:-1], central_difference(reference_position, frame_duration))
 
 
-def angular_velocity_error(velocity: NDArray, reference_orientation: NDArray, frame_duration: float) -> Array:
+def angular_velocity_error(velocity: NDArray[Any], reference_orientation: NDArray[Any], frame_duration: float) -> Array:
     """Return the mean length of the angular velocity error [rad/s]; the reference's is a central difference."""
     return mean_distance(velocity[:, 1:-1], angular_velocity(reference_orientation, frame_duration))
 
 
-def joint_velocity_error(velocity: NDArray, reference_position: NDArray, frame_duration: float) -> Array:
+def joint_velocity_error(velocity: NDArray[Any], reference_position: NDArray[Any], frame_duration: float) -> Array:
     """Return the root mean square joint velocity error [rad/s]; the reference's is a central difference."""
     return root_mean_square(velocity[:, 1:-1], central_difference(reference_position, frame_duration))
 
 
-def foot_slip(contact_velocity: NDArray, foot_contact_force: NDArray, contact_force: float = CONTACT_FORCE) -> Array:
+def foot_slip(
+    contact_velocity: NDArray[Any], foot_contact_force: NDArray[Any], contact_force: float = CONTACT_FORCE
+) -> Array:
     """Return the mean horizontal speed of the feet over those rows and feet that are in contact [m/s].
 
     Args:
@@ -219,12 +221,12 @@ def foot_slip(contact_velocity: NDArray, foot_contact_force: NDArray, contact_fo
     return mean_per_trajectory(np.where(contact, speed, np.nan))
 
 
-def mechanical_power(joint_power: NDArray) -> Array:
+def mechanical_power(joint_power: NDArray[Any]) -> Array:
     """Return the mean over rows of the sum over joints of the size of each joint's power [W]."""
     return mean_per_trajectory(np.sum(np.abs(np.asarray(joint_power, np.float64)), axis=-1))
 
 
-def mean_speed(root_position: NDArray, frame_duration: float) -> Array:
+def mean_speed(root_position: NDArray[Any], frame_duration: float) -> Array:
     """Return the length of the root's path in the plane by its duration [m/s]."""
     steps = np.linalg.norm(np.diff(np.asarray(root_position, np.float64)[..., :2], axis=1), axis=-1)
     return mean_per_trajectory(steps) / frame_duration
@@ -236,15 +238,15 @@ def cost_of_transport(power: Array, speed: Array, mass: float) -> Array:
     return np.where(moves, power / (mass * GRAVITY * np.where(moves, speed, 1.0)), np.nan)
 
 
-def torque_saturation(torque_at_limit: NDArray) -> Array:
+def torque_saturation(torque_at_limit: NDArray[Any]) -> Array:
     """Return the mean over rows and joints of the share of physics substeps with the motor at its limit."""
     return mean_per_trajectory(torque_at_limit)
 
 
 def joint_limit_share(
-    joint_position: NDArray,
-    lower: NDArray | tuple[float, ...],
-    upper: NDArray | tuple[float, ...],
+    joint_position: NDArray[Any],
+    lower: NDArray[Any] | tuple[float, ...],
+    upper: NDArray[Any] | tuple[float, ...],
     margin: float = LIMIT_MARGIN,
 ) -> Array:
     """Return the share of joint positions at their limits [rad], shape [num_joints], or beyond them."""
@@ -254,7 +256,7 @@ def joint_limit_share(
 
 
 def action_saturation(
-    command: NDArray, lower: NDArray | tuple[float, ...], upper: NDArray | tuple[float, ...]
+    command: NDArray[Any], lower: NDArray[Any] | tuple[float, ...], upper: NDArray[Any] | tuple[float, ...]
 ) -> Array:
     """Return the share of commands beyond what can be followed.
 
@@ -264,17 +266,17 @@ def action_saturation(
     return share_per_trajectory((command < np.asarray(lower)) | (command > np.asarray(upper)), command)
 
 
-def mean_change(values: NDArray) -> Array:
+def mean_change(values: NDArray[Any]) -> Array:
     """Return the mean size of the change from one row to the next, over rows and components."""
     return mean_per_trajectory(np.abs(np.diff(np.asarray(values, np.float64), axis=1)))
 
 
-def joint_acceleration(joint_velocity: NDArray, frame_duration: float) -> Array:
+def joint_acceleration(joint_velocity: NDArray[Any], frame_duration: float) -> Array:
     """Return the mean size of the change of joint velocity from row to row [rad/s^2]."""
     return mean_change(joint_velocity) / frame_duration
 
 
-def joint_jerk(joint_velocity: NDArray, frame_duration: float) -> Array:
+def joint_jerk(joint_velocity: NDArray[Any], frame_duration: float) -> Array:
     """Return the mean size of the second difference of joint velocity [rad/s^3]."""
     second = np.diff(np.asarray(joint_velocity, np.float64), n=2, axis=1)
     return mean_per_trajectory(np.abs(second)) / frame_duration**2

@@ -4,7 +4,7 @@ Only the functions that convert to and from SciPy's rotations import SciPy, so t
 The kernels and ``deployment`` have rotations of their own: they check this one, and each other.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def multiply(a: NDArray, b: NDArray) -> Array:
+def multiply(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return the product of quaternions, shape [..., 4]: the rotation ``b`` followed by the rotation ``a``."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     real = a[..., :1] * b[..., :1] - np.sum(a[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
@@ -23,19 +23,19 @@ def multiply(a: NDArray, b: NDArray) -> Array:
     return np.concatenate([real, imaginary], axis=-1)
 
 
-def conjugate(wxyz: NDArray) -> Array:
+def conjugate(wxyz: NDArray[Any]) -> Array:
     """Return the inverse rotations, shape [..., 4]."""
     return np.asarray(wxyz, np.float64) * (1.0, -1.0, -1.0, -1.0)
 
 
-def rotate(wxyz: NDArray, vectors: ArrayLike) -> Array:
+def rotate(wxyz: NDArray[Any], vectors: ArrayLike) -> Array:
     """Rotate vectors of shape [..., 3]."""
     wxyz, vectors = np.asarray(wxyz, np.float64), np.asarray(vectors)
     twice = 2.0 * np.cross(wxyz[..., 1:], vectors)
     return vectors + wxyz[..., :1] * twice + np.cross(wxyz[..., 1:], twice)
 
 
-def rotation_vector(wxyz: NDArray) -> Array:
+def rotation_vector(wxyz: NDArray[Any]) -> Array:
     """Return axis times angle [rad] of the shorter way round, shape [..., 3]."""
     wxyz = np.asarray(wxyz, np.float64)
     wxyz = np.where(wxyz[..., :1] < 0.0, -wxyz, wxyz)
@@ -44,12 +44,12 @@ def rotation_vector(wxyz: NDArray) -> Array:
     return wxyz[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
 
 
-def rotation_between(before: NDArray, after: NDArray) -> Array:
+def rotation_between(before: NDArray[Any], after: NDArray[Any]) -> Array:
     """Return the rotation vector in the world frame that leads from one orientation to another [rad], [..., 3]."""
     return rotation_vector(multiply(after, conjugate(before)))
 
 
-def rotation_angle(a: NDArray, b: NDArray) -> Array:
+def rotation_angle(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return the angle between orientations [rad], shape [...], from shape [..., 4]."""
     # |a - b| and |a + b| of the closer sign: exact for small angles, where the arc cosine of a product is not.
     apart = np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1)
@@ -57,7 +57,7 @@ def rotation_angle(a: NDArray, b: NDArray) -> Array:
     return 4.0 * np.arctan2(np.minimum(apart, together), np.maximum(apart, together))
 
 
-def heading(wxyz: NDArray) -> Array:
+def heading(wxyz: NDArray[Any]) -> Array:
     """Return the yaw of the forward axis seen from above [rad], shape [...], of quaternions of any length but 0."""
     w, x, y, z = np.moveaxis(np.asarray(wxyz, np.float64), -1, 0)
     norm = np.sqrt(x * x + y * y + z * z + w * w)
@@ -65,7 +65,7 @@ def heading(wxyz: NDArray) -> Array:
     return np.arctan2(2.0 * (x * y + z * w), x * x - y * y - z * z + w * w)
 
 
-def to_matrices(wxyz: NDArray) -> Array:
+def to_matrices(wxyz: NDArray[Any]) -> Array:
     """Return rotation matrices, shape [..., 3, 3], of quaternions of any length but 0, shape [..., 4]."""
     w, x, y, z = np.moveaxis(wxyz / np.linalg.norm(wxyz, axis=-1, keepdims=True), -1, 0)
     rows = (
@@ -81,7 +81,7 @@ def rotate_by_matrices(matrices: Array, vectors: Array) -> Array:
     return np.einsum("...ij,...kj->...ki", matrices, vectors)
 
 
-def turn_planar(vectors: NDArray, yaw: ArrayLike) -> Array:
+def turn_planar(vectors: NDArray[Any], yaw: ArrayLike) -> Array:
     """Turn the first two components of vectors by ``yaw`` [rad]; a third one stays."""
     turned = np.array(vectors, dtype=np.float64)
     cosine, sine = np.cos(yaw), np.sin(yaw)
@@ -95,7 +95,7 @@ def wrap_angle(angle: ArrayLike) -> Array:
     return (np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def continuous(wxyz: NDArray, axis: int = 0) -> Array:
+def continuous(wxyz: NDArray[Any], axis: int = 0) -> Array:
     """Flip signs along an axis so that no two neighbours point in opposite directions.
 
     The first quaternion gets a non-negative real part.
@@ -108,7 +108,7 @@ def continuous(wxyz: NDArray, axis: int = 0) -> Array:
     return np.moveaxis(quaternions * signs, 0, axis)
 
 
-def to_rotation(wxyz: NDArray) -> "Rotation":
+def to_rotation(wxyz: NDArray[Any]) -> "Rotation":
     """Return SciPy rotations from quaternions, shape [num_frames, 4]."""
     from scipy.spatial.transform import Rotation
 
@@ -120,7 +120,7 @@ def from_rotation(rotation: "Rotation") -> Array:
     return rotation.as_quat()[..., [3, 0, 1, 2]]
 
 
-def from_matrices(matrices: NDArray) -> Array:
+def from_matrices(matrices: NDArray[Any]) -> Array:
     """Return sign-continuous quaternions from rotation matrices, shape [num_frames, 3, 3]."""
     from scipy.spatial.transform import Rotation
 

@@ -33,7 +33,7 @@ def robot_tree(spec: "RobotSpec") -> Any:
     return tree
 
 
-def model_numbers(spec: "RobotSpec") -> dict[str, list[NDArray]]:
+def model_numbers(spec: "RobotSpec") -> dict[str, list[NDArray[Any]]]:
     """Return the numbers of the compiled robot that decide how it moves, by what they are."""
     model = robot_tree(spec).compile()
     limits = spec.motor_limits
@@ -50,7 +50,7 @@ def model_numbers(spec: "RobotSpec") -> dict[str, list[NDArray]]:
     }
 
 
-def turned_up(quaternions: NDArray) -> NDArray:
+def turned_up(quaternions: NDArray[Any]) -> NDArray[Any]:
     """Return quaternions (w, x, y, z) with their signs chosen, for those of a rotation are two."""
     first = np.take_along_axis(quaternions, np.argmax(np.abs(quaternions) > 1e-6, axis=1)[:, None], axis=1)
     return quaternions * np.sign(first)
@@ -66,7 +66,7 @@ def model_parts(spec: "RobotSpec") -> dict[str, str]:
     return hashes
 
 
-def tidy(array: NDArray) -> NDArray:
+def tidy(array: NDArray[Any]) -> NDArray[Any]:
     """Return all values of an array with rounding about zero removed."""
     values = np.asarray(array, np.float64).ravel()
     return np.where(np.abs(values) < 1e-9, 0.0, values)

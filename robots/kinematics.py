@@ -1,6 +1,7 @@
 """Closed-form forward kinematics in NumPy, vectorised over any leading dimensions, in double precision."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: floa
     return np.asarray(foot_velocity) + radius * rolling
 
 
-def contact_velocities(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Array:
+def contact_velocities(spec: RobotSpec, rows: Mapping[str, NDArray[Any]]) -> Array:
     """Return the velocities of the lowest points of the feet [m/s], world frame, shape [..., 4, 3].
 
     Args:

@@ -4,6 +4,7 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -58,7 +59,7 @@ class MotorLimits:
         endless = (1e6,) * len(effort)
         return cls(effort, effort, endless, tuple(2.0 * speed for speed in endless))
 
-    def available(self, torque: NDArray, velocity: NDArray) -> NDArray:
+    def available(self, torque: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
         """Return the largest size of a torque in the direction of ``torque`` [N m], shape [..., 12].
 
         Args:

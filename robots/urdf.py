@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +14,7 @@ from kine2go_warp.robots.spec import LEG_JOINTS, Leg
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-Inertia = tuple[float, NDArray, NDArray]
+Inertia = tuple[float, NDArray[Any], NDArray[Any]]
 """Mass [kg], centre of mass in the link frame [m], inertia about it along the link's axes [kg m^2]."""
 
 
@@ -108,7 +108,7 @@ def joint_link(joint: ElementTree.Element, role: str) -> str:
     return element.attrib["link"]
 
 
-def read_origin(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
+def read_origin(element: ElementTree.Element) -> "tuple[NDArray[Any], Rotation]":
     """Return position [m] and rotation of an element in its parent's frame; the identity if it has no origin."""
     from scipy.spatial.transform import Rotation
 
@@ -117,7 +117,7 @@ def read_origin(element: ElementTree.Element) -> "tuple[NDArray, Rotation]":
     return xyz, Rotation.from_euler("xyz", rpy)
 
 
-def move_origin(element: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
+def move_origin(element: ElementTree.Element, pose: "tuple[NDArray[Any], Rotation]") -> None:
     """Express an element's origin in the frame in which its own frame has ``pose``."""
     position, rotation = read_origin(element)
     origin = element.find("origin")
@@ -142,7 +142,7 @@ def read_inertia(link: ElementTree.Element) -> Inertia:
     return float(mass.attrib["value"]), centre, turn @ matrix @ turn.T
 
 
-def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: "tuple[NDArray, Rotation]") -> None:
+def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: "tuple[NDArray[Any], Rotation]") -> None:
     """Write the inertia of both links together into the parent; ``pose`` is the child's in the parent's frame."""
     turn = pose[1].as_matrix()
     mass, centre, inertia = read_inertia(child)
@@ -165,6 +165,6 @@ def add_inertia(parent: ElementTree.Element, child: ElementTree.Element, pose: "
     ElementTree.SubElement(inertial, "inertia", {name: repr(float(matrix[at])) for name, at in axes.items()})
 
 
-def numbers(values: NDArray) -> str:
+def numbers(values: NDArray[Any]) -> str:
     """Return numbers as a URDF lists them."""
     return " ".join(repr(float(value)) for value in values)

@@ -1,6 +1,7 @@
 """How fast the environment steps, where the time goes, and how plain MuJoCo compares."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -113,7 +114,7 @@ def used_memory(device: str) -> float:
     return (total - free) / 1e6
 
 
-def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp.array]:
+def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp.array[Any]]:
     """Return random outputs of the policy on the device."""
     rng = np.random.default_rng(0)
     shape = environment.action.shape

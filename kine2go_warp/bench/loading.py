@@ -108,7 +108,7 @@ def serve_items(packed: PackedRows, bench: LoadingBench) -> Serve:
     return serve
 
 
-def serve_reads(read: Callable[[str, int, int], list[NDArray]], packed: PackedRows, bench: LoadingBench) -> Serve:
+def serve_reads(read: Callable[[str, int, int], list[NDArray[Any]]], packed: PackedRows, bench: LoadingBench) -> Serve:
     """Serve windows one by one by a function of motion, index of the trajectory and first row."""
     generator, starts = np.random.default_rng(bench.seed), packed.window_starts(bench.rows)
 
@@ -122,14 +122,16 @@ def serve_reads(read: Callable[[str, int, int], list[NDArray]], packed: PackedRo
     return serve
 
 
-def zarr_read(dataset: Dataset, packed: PackedRows, bench: LoadingBench) -> Callable[[str, int, int], list[NDArray]]:
+def zarr_read(
+    dataset: Dataset, packed: PackedRows, bench: LoadingBench
+) -> Callable[[str, int, int], list[NDArray[Any]]]:
     """Return a function that reads a window from the store, array by array."""
     groups = {motion: zarr.open_group(dataset.path / motion, mode="r") for motion in by_motion(packed.references)}
     arrays: dict[tuple[str, str], Any] = {
         (motion, name): groups[motion][name] for motion in groups for name in bench.arrays
     }
 
-    def read(motion: str, index: int, start: int) -> list[NDArray]:
+    def read(motion: str, index: int, start: int) -> list[NDArray[Any]]:
         return [np.asarray(arrays[motion, name][index, start : start + bench.rows]) for name in bench.arrays]
 
     return read

@@ -25,7 +25,7 @@ class Window:
     """Place of the trajectory in its motion."""
     start: int
     """First row of the window in the trajectory."""
-    arrays: dict[str, NDArray] = field(repr=False, compare=False)
+    arrays: dict[str, NDArray[Any]] = field(repr=False, compare=False)
     """Arrays by name, each of shape [rows, ...]."""
 
 

@@ -73,7 +73,7 @@ def filter_limits(attributes: Mapping[str, Any]) -> tuple[float, ...]:
     return tuple(float(value) if good else math.nan for value, good in zip(values, is_limit, strict=True))  # type: ignore
 
 
-def row_errors(rows: Mapping[str, NDArray]) -> NDArray[np.float64]:
+def row_errors(rows: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     """Return the errors of each row of a trajectory, in the order of ``ROW_LIMITS``, shape [num_rows, 3].
 
     The last is the root mean square over the joints of that row.

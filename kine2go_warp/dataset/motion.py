@@ -41,7 +41,7 @@ class TrajectoryReference:
 class Trajectory(TrajectoryReference):
     """One trajectory in memory."""
 
-    arrays: dict[str, NDArray] = field(repr=False, compare=False)
+    arrays: dict[str, NDArray[Any]] = field(repr=False, compare=False)
     """Arrays by name, each of shape [length, ...]: no padding."""
 
 
@@ -103,7 +103,7 @@ class Motion:
             DatasetError: its metadata cannot be read.
         """
         self.path, self.name = path, name
-        self._values: dict[str, NDArray] = {}
+        self._values: dict[str, NDArray[Any]] = {}
         try:
             self._group = zarr.open_group(path / name, mode="r")
             self.attributes = unpacked(self._group.attrs)
@@ -178,7 +178,7 @@ class Motion:
             )
         return self.row_arrays[name]
 
-    def values(self, name: str) -> NDArray:
+    def values(self, name: str) -> NDArray[Any]:
         """Return an array that has no rows, such as ``noise``, shape [num_trajectories, ...]. It is read once.
 
         Raises:
@@ -233,15 +233,15 @@ class Motion:
         """
         self._check_complete()
         indices = np.array([one.index for one in references], dtype=np.int64)
-        draws: dict[str, NDArray] = {}
-        groups: dict[str, dict[str, NDArray]] = {group: {} for group in SUB_GROUPS}
+        draws: dict[str, NDArray[Any]] = {}
+        groups: dict[str, dict[str, NDArray[Any]]] = {group: {} for group in SUB_GROUPS}
         for name in self.trajectory_arrays:
             group, _, member = name.rpartition("/")
             (groups.setdefault(group, {}) if group else draws)[member] = self.values(name)[indices]
         rows = {name: self._read_rows(name, slice(None))[indices] for name in self.row_arrays}
         return MotionData(self.name, self.attributes, self.time, Trajectories(rows, draws, groups), indices)
 
-    def _read_rows(self, name: str, part: slice) -> NDArray:
+    def _read_rows(self, name: str, part: slice) -> NDArray[Any]:
         """Read a row array of some trajectories, whose valid rows must be there."""
         values, lengths = self._read(name, part), self.lengths[part]
         if values.dtype.kind != "f" or not values.size:
@@ -266,7 +266,7 @@ class Motion:
             f"{self.path}/{self.name}/{name}: data are missing; see 'kine2go dataset check' and gather it again"
         )
 
-    def _read(self, name: str, what: Any) -> NDArray:
+    def _read(self, name: str, what: Any) -> NDArray[Any]:
         # The store's index names arrays whose folders have gone, and Zarr reads those as the fill value.
         if not (self.path / self.name / name / "zarr.json").is_file():
             raise self._missing(name)
@@ -276,7 +276,7 @@ class Motion:
             raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({error.__class__.__name__})") from None
 
 
-def _is_empty(name: str, values: NDArray) -> bool:
+def _is_empty(name: str, values: NDArray[Any]) -> bool:
     """Return whether an array that has no rows holds nothing but the fill value, as one does that lacks its data."""
     if values.dtype.kind in "UT":
         return bool((values == "").any())

@@ -34,7 +34,7 @@ class Moments:
         return np.sqrt(self.squares / np.maximum(self.count, 1))
 
 
-def compute_moments(values: NDArray) -> Moments:
+def compute_moments(values: NDArray[Any]) -> Moments:
     """Return the moments of each column of values, shape [num_rows, ...]. NaN does not count."""
     values = np.asarray(values, dtype=np.float64)
     known = ~np.isnan(values)

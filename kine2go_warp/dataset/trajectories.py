@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Groups = dict[str, dict[str, NDArray]]
+Groups = dict[str, dict[str, NDArray[Any]]]
 """Arrays of the sub-groups (``SUB_GROUPS``), the first axis of each being the trajectory."""
 
 
@@ -25,7 +25,7 @@ class Rollouts(Protocol):
         ...
 
     @property
-    def draws(self) -> Mapping[str, NDArray]:
+    def draws(self) -> Mapping[str, NDArray[Any]]:
         """Arrays by their names in ``TRAJECTORY_ARRAYS``, each of shape [num_trajectories]."""
         ...
 
@@ -34,7 +34,7 @@ class Rollouts(Protocol):
         """Arrays of the sub-groups."""
         ...
 
-    def read_rows(self, name: str, first: int, last: int) -> NDArray:
+    def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""
         ...
 
@@ -43,9 +43,9 @@ class Rollouts(Protocol):
 class Trajectories:
     """Rollouts in memory."""
 
-    rows: dict[str, NDArray]
+    rows: dict[str, NDArray[Any]]
     """Arrays by their names in ``ROW_ARRAYS``, each of shape [num_trajectories, num_rows, ...]."""
-    draws: dict[str, NDArray]
+    draws: dict[str, NDArray[Any]]
     """Arrays by their names in ``TRAJECTORY_ARRAYS``, each of shape [num_trajectories]."""
     groups: Groups = field(default_factory=dict)
 
@@ -59,11 +59,11 @@ class Trajectories:
         """Rows of the longest possible trajectory."""
         return self.rows["root_position"].shape[1]
 
-    def read_rows(self, name: str, first: int, last: int) -> NDArray:
+    def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""
         return self.rows[name][first:last]
 
-    def selected(self, chosen: NDArray) -> "Trajectories":
+    def selected(self, chosen: NDArray[Any]) -> "Trajectories":
         """Return some of the rollouts, by index or mask."""
         return Trajectories(
             {name: values[chosen] for name, values in self.rows.items()},
@@ -77,7 +77,7 @@ class Trajectories:
         return replace(self, rows=rows)
 
 
-def padded(values: NDArray, lengths: NDArray) -> NDArray[np.float32]:
+def padded(values: NDArray[Any], lengths: NDArray[Any]) -> NDArray[np.float32]:
     """Return a copy of rows with NaN beyond each trajectory's length, shape [num_trajectories, num_rows, ...]."""
     values = values.astype(np.float32)
     values[np.arange(values.shape[1]) >= np.asarray(lengths)[:, None]] = np.nan

@@ -261,7 +261,7 @@ def write_rollouts(group: zarr.Group, rollouts: Rollouts, dimension: str = "traj
     write_members(group, (along(array, dimension) for array in TRAJECTORY_ARRAYS), rollouts.draws)
 
 
-def write_members(group: zarr.Group, arrays: Iterable[ArraySpec], values: Mapping[str, NDArray]) -> None:
+def write_members(group: zarr.Group, arrays: Iterable[ArraySpec], values: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays that have one entry a trajectory."""
     for array in arrays:
         write_array(group, array, values[array.name])
@@ -283,13 +283,13 @@ def along(array: ArraySpec, dimension: str) -> ArraySpec:
     return replace(array, dims=(dimension, *array.dims[1:]))
 
 
-def write_array(group: zarr.Group, array: ArraySpec, values: NDArray) -> None:
+def write_array(group: zarr.Group, array: ArraySpec, values: NDArray[Any]) -> None:
     """Write one array at once."""
     values = np.asarray(values, dtype=array.dtype)
     create_array(group, array, values.shape, values.dtype)[...] = values
 
 
-def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dtype: np.dtype) -> zarr.Array:
+def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dtype: np.dtype) -> zarr.Array[Any]:
     """Create an array: a chunk a trajectory, few shards, lossless, with a checksum against damage on the disk."""
     is_rows = array.dims[1:2] == ("frame",)
     return group.create_array(

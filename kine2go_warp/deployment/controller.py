@@ -89,7 +89,7 @@ class PolicyController:
         self.step += 1
         return target
 
-    def joint_target(self, output: NDArray) -> NDArray[np.float64]:
+    def joint_target(self, output: NDArray[Any]) -> NDArray[np.float64]:
         """Return the joint targets of an output of the present step [rad], shape [12]."""
         action = self.metadata.action
         if action.mode == "absolute":

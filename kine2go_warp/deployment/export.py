@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -195,7 +196,7 @@ def check_parity(
     return parity
 
 
-def furthest(one: NDArray, other: NDArray) -> float:
+def furthest(one: NDArray[Any], other: NDArray[Any]) -> float:
     """Return the largest difference."""
     return float(np.abs(one.astype(np.float64) - other).max())
 

@@ -5,6 +5,7 @@ It shares no code with the simulation's kernels, so that the two can be held aga
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class ObservationBuilder:
         """Forget the states of an earlier episode."""
         self._history = []
 
-    def observe(self, state: MeasuredState, last_action: NDArray, step: int) -> NDArray[np.float32]:
+    def observe(self, state: MeasuredState, last_action: NDArray[Any], step: int) -> NDArray[np.float32]:
         """Return the observation, shape [size]. Call it once in every control step.
 
         Args:

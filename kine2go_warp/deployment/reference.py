@@ -1,6 +1,7 @@
 """A clip that is played on and on from a chosen place in the world, in NumPy."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ class PlacedClip:
         """Return the joint velocities [rad/s], shape [12]."""
         return self._joints(self.clip.joint_velocity, step)
 
-    def _joints(self, values: NDArray, step: float) -> Array:
+    def _joints(self, values: NDArray[Any], step: float) -> Array:
         """Interpolate between two frames; a cycle ends where it began."""
         whole, fraction = self._split(step)
         count = self.clip.num_frames

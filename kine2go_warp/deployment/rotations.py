@@ -1,12 +1,14 @@
 """Rotations of a single body in NumPy: quaternions (w, x, y, z) and matrices whose columns are the body's axes."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 
-def to_matrix(wxyz: NDArray) -> Array:
+def to_matrix(wxyz: NDArray[Any]) -> Array:
     """Return the rotation matrix of a quaternion, shape [3, 3]."""
     w, x, y, z = np.asarray(wxyz, np.float64) / np.linalg.norm(wxyz)
     return np.array(

@@ -132,7 +132,7 @@ def host_copy(array: Any) -> np.ndarray:
     return np.array(array.numpy())
 
 
-def by_world(array: wp.array | None, num_worlds: int) -> wp.array:
+def by_world(array: wp.array[Any] | None, num_worlds: int) -> wp.array[Any]:
     """Return a flat array of Newton's as rows, one a world, without copying."""
     assert array is not None
     return array.reshape((num_worlds, -1))
@@ -195,9 +195,9 @@ class SpecArrays:
     """The robot's constants on the device, each of shape [12]."""
 
     spec: RobotSpec
-    default_position: wp.array
-    joint_lower: wp.array
-    joint_upper: wp.array
+    default_position: wp.array[Any]
+    joint_lower: wp.array[Any]
+    joint_upper: wp.array[Any]
 
     @classmethod
     def upload(cls, spec: RobotSpec, device: wp.Device) -> "SpecArrays":

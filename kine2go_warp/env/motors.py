@@ -1,5 +1,7 @@
 """The motors of all worlds: from the policy's action to joint torques."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -37,10 +39,10 @@ class Motors:
 
     def set_targets(
         self,
-        action: wp.array,
+        action: wp.array[Any],
         clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
-        reference_step: wp.array,
+        reference_step: wp.array[Any],
     ) -> None:
         """Turn the policy's action into joint targets and queue them."""
         self.compute_targets(action, clips, placement, reference_step, self.joint_target)
@@ -48,11 +50,11 @@ class Motors:
 
     def compute_targets(
         self,
-        action: wp.array,
+        action: wp.array[Any],
         clips: ReferenceClips,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         placement: Placement,  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
-        reference_step: wp.array,
-        joint_target: wp.array,
+        reference_step: wp.array[Any],
+        joint_target: wp.array[Any],
     ) -> None:
         """Write the joint targets [rad] that follow from the policy's action, both of shape [num_worlds, 12]."""
         settings, shape = self.config.action, self.joint_target.shape
@@ -76,13 +78,18 @@ class Motors:
         else:
             wp.copy(joint_target, action)
 
-    def queue_targets(self, joint_target: wp.array, reference_step: wp.array) -> None:
+    def queue_targets(self, joint_target: wp.array[Any], reference_step: wp.array[Any]) -> None:
         """Queue joint targets [rad], shape [num_worlds, 12]."""
         inputs = [joint_target, reference_step, self.target_queue]
         wp.launch(actuation.push_target, dim=joint_target.shape, inputs=inputs)
 
     def apply(
-        self, substep: int, reference_step: wp.array, joint_q: wp.array, joint_qd: wp.array, joint_force: wp.array
+        self,
+        substep: int,
+        reference_step: wp.array[Any],
+        joint_q: wp.array[Any],
+        joint_qd: wp.array[Any],
+        joint_force: wp.array[Any],
     ) -> None:
         """Write the torques of a physics substep."""
         wp.launch(

@@ -134,19 +134,19 @@ def position_driven_model(spec: RobotSpec, config: EnvConfig) -> Any:
 class MotorState:
     """The motors of one robot."""
 
-    stiffness: NDArray
+    stiffness: NDArray[Any]
     """[N m/rad], shape [12]."""
-    damping: NDArray
+    damping: NDArray[Any]
     """[N m s/rad], shape [12]."""
-    strength: NDArray
+    strength: NDArray[Any]
     """Factor on the torque, shape [12]."""
-    offset: NDArray
+    offset: NDArray[Any]
     """Error of the zero angle [rad], shape [12]."""
     delay: int
     """Latency [physics substeps]."""
     limits: MotorLimits
     """Largest torques."""
-    friction: NDArray
+    friction: NDArray[Any]
     """Coulomb friction of the joints [N m], shape [12]."""
 
     @classmethod
@@ -181,10 +181,10 @@ class MujocoRobot:
         self.torque_at_limit, self.joint_power = np.zeros(12), np.zeros(12)
         """Of the last control step: share of substeps with the motor at its limit, mean power [W], shape [12] each."""
         self.base = self.model.body(spec.base_link).id
-        self._targets: list[NDArray] = []
+        self._targets: list[NDArray[Any]] = []
 
     @property
-    def com_b(self) -> NDArray:
+    def com_b(self) -> NDArray[Any]:
         """Centre of mass of the base, base frame [m]."""
         return np.array(self.model.body_ipos[self.base])
 
@@ -194,7 +194,7 @@ class MujocoRobot:
         bodies = self.model.geom_bodyid[self.data.contact.geom[self.data.contact.efc_address >= 0]]
         return bool((np.sort(bodies, axis=-1) == (0, self.base)).all(axis=-1).any())
 
-    def set_body(self, mass: float, com_b: NDArray, friction: float) -> None:
+    def set_body(self, mass: float, com_b: NDArray[Any], friction: float) -> None:
         """Give the robot another base, and friction with the ground.
 
         Args:
@@ -210,10 +210,10 @@ class MujocoRobot:
 
     def set_state(
         self,
-        joint_q: NDArray,
-        joint_qd: NDArray,
-        targets: Sequence[NDArray] | None = None,
-        friction_anchor: NDArray | None = None,
+        joint_q: NDArray[Any],
+        joint_qd: NDArray[Any],
+        targets: Sequence[NDArray[Any]] | None = None,
+        friction_anchor: NDArray[Any] | None = None,
     ) -> None:
         """Place the robot.
 
@@ -240,11 +240,11 @@ class MujocoRobot:
         self.friction_anchor = np.array(anchor, np.float64)
         self._targets = held if targets is None else [np.asarray(target, np.float64) for target in targets]
 
-    def push(self, velocity: NDArray) -> None:
+    def push(self, velocity: NDArray[Any]) -> None:
         """Add a velocity to the base [m/s], shape [3]."""
         self.data.qvel[:3] += velocity
 
-    def state(self) -> tuple[NDArray, NDArray]:
+    def state(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return ``joint_q`` and ``joint_qd``."""
         orientation = Rotation.from_quat(self.data.qpos[[4, 5, 6, 3]])
         angular = orientation.apply(self.data.qvel[3:6])
@@ -252,7 +252,7 @@ class MujocoRobot:
         joint_q = np.concatenate([self.data.qpos[:3], orientation.as_quat(), self.data.qpos[7:]])
         return joint_q, np.concatenate([linear, angular, self.data.qvel[FIRST_DOF:]])
 
-    def step(self, joint_target: NDArray) -> None:
+    def step(self, joint_target: NDArray[Any]) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
         motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
         self.torque_at_limit, self.joint_power = np.zeros((2, 12))

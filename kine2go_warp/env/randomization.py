@@ -1,6 +1,7 @@
 """Domain randomisation: what differs between the worlds besides where their robots begin."""
 
 import zlib
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -30,14 +31,14 @@ OTHER_STREAM = 11
 OPERATIONS = {"scale": randomization.SCALE, "add": randomization.ADD, "set": randomization.SET}
 
 
-def parameter_arrays(motors: Motors, bodies: Bodies) -> dict[str, wp.array]:
+def parameter_arrays(motors: Motors, bodies: Bodies) -> dict[str, wp.array[Any]]:
     """Return the arrays of the simulation that hold ``RANDOMIZED_PARAMETERS``, by the names of their states."""
     owners = {"motors": motors.model, "base": bodies.base, "bodies": bodies}
     paths = {one.state.name: one.array.split(".") for one in RANDOMIZED_PARAMETERS}
     return {name: getattr(owners[owner], attribute) for name, (owner, attribute) in paths.items()}
 
 
-def as_rows(array: wp.array) -> wp.array:
+def as_rows(array: wp.array[Any]) -> wp.array[Any]:
     """Return an array of floats or vectors as rows of floats, one a world, without copying."""
     size = array.size * wp.types.type_size(array.dtype) // array.shape[0]
     return wp.array(ptr=array.ptr, dtype=float, shape=(array.shape[0], size), device=array.device)

@@ -77,11 +77,11 @@ class Simulation:
         return self.solver.mjw_data
 
     @property
-    def warm_start(self) -> wp.array:
+    def warm_start(self) -> wp.array[Any]:
         """What the solver keeps from one step for the next, shape [num_worlds, 18]."""
         return self.data.qacc_warmstart
 
-    def advance(self, motors: Motors, reference_step: wp.array) -> None:
+    def advance(self, motors: Motors, reference_step: wp.array[Any]) -> None:
         """Run the substeps of a control step; an even number of them ends in the state that they began with."""
         for substep in range(self.config.substeps):
             now, after = substep % 2, 1 - substep % 2

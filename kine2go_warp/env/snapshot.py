@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -14,7 +15,7 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.files import atomic_file
 
 
-def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array[Any]]:
     """Return the arrays that decide a world's future, by name; the first axis of each is the world."""
     simulation, motors = environment.simulation, environment.motors
     episodes, randomization = environment.episodes, environment.randomization
@@ -42,7 +43,7 @@ def world_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
 class WorldSnapshot:
     """The state of some worlds between two control steps."""
 
-    arrays: dict[str, NDArray]
+    arrays: dict[str, NDArray[Any]]
     """As in ``world_arrays``; the first axis of each is the world."""
 
     @classmethod
@@ -55,7 +56,7 @@ class WorldSnapshot:
         """Number of worlds."""
         return len(self.arrays["joint_q"])
 
-    def selected(self, which: NDArray) -> "WorldSnapshot":
+    def selected(self, which: NDArray[Any]) -> "WorldSnapshot":
         """Return some of the worlds, by index or mask."""
         return WorldSnapshot({name: array[which] for name, array in self.arrays.items()})
 
@@ -102,7 +103,7 @@ class WorldSnapshot:
             raise Kine2GoError(f"{path}: not a snapshot that can be read ({error})") from None
 
 
-def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array[Any]]:
     """Return what else training needs to go on, by name; the first axis of each is the world.
 
     It is what policy and critic see, with its history, and each world's steps where limits of failure are annealed.
@@ -111,7 +112,7 @@ def training_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
     return arrays | ({"world_steps": environment.episodes.world_steps} if environment.config.anneals_limits else {})
 
 
-def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
+def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array[Any]]:
     """Return what is learned of where robots fail, by name, shape [bins] each; nothing if it is not used."""
     episodes = environment.episodes
     if not episodes.config.phase_sampling.is_weighted:
@@ -124,9 +125,9 @@ def phase_arrays(environment: ImitationEnvironment) -> dict[str, wp.array]:
 class EnvironmentSnapshot:
     """All that an environment needs to go on exactly under a policy, between two control steps."""
 
-    worlds: dict[str, NDArray]
+    worlds: dict[str, NDArray[Any]]
     """As in ``world_arrays`` and ``training_arrays``; the first axis of each is the world."""
-    phases: dict[str, NDArray]
+    phases: dict[str, NDArray[Any]]
     """As in ``phase_arrays``, one table for each process that has its own, shape [num_tables, bins] each."""
 
     @classmethod

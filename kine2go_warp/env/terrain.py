@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -61,13 +62,13 @@ def build_height_field(config: TerrainConfig, reach: float) -> HeightField:
     return HeightField(height.astype(np.float32), lift.astype(np.float32), half_extent)
 
 
-def waves(config: TerrainConfig, x: NDArray, y: NDArray) -> NDArray:
+def waves(config: TerrainConfig, x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
     """Return the sum of two crossing sine waves [m]."""
     turns = 2.0 * np.pi / config.length
     return 0.25 * config.height * (np.sin(turns * x) + np.sin(turns * y))
 
 
-def steps(config: TerrainConfig, x: NDArray, y: NDArray) -> NDArray:
+def steps(config: TerrainConfig, x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
     """Return square plateaus of random heights [m]."""
     column = np.floor((x - x.min()) / config.length).astype(int)
     row = np.floor((y - y.min()) / config.length).astype(int)
@@ -76,7 +77,7 @@ def steps(config: TerrainConfig, x: NDArray, y: NDArray) -> NDArray:
     return config.height * plateaus[row, column]
 
 
-def slopes(config: TerrainConfig, x: NDArray, y: NDArray) -> NDArray:
+def slopes(config: TerrainConfig, x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
     """Return ridges along y, whose flanks rise and fall evenly [m]."""
     flank = np.abs((x / config.length) % 1.0 - 0.5)
     return config.height * (0.5 - 2.0 * flank) + 0.0 * y

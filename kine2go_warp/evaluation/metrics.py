@@ -3,6 +3,7 @@
 import warnings
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,17 +47,17 @@ class Result:
 
     clip: str
     condition: str
-    metrics: dict[str, NDArray]
+    metrics: dict[str, NDArray[Any]]
     """Metrics of each rollout up to its end, shapes [num_rollouts]."""
-    length: NDArray
+    length: NDArray[Any]
     """Rows of each rollout."""
-    failure: NDArray
+    failure: NDArray[Any]
     """Why each rollout ended early, no text if it did not."""
-    initial_phase: NDArray
+    initial_phase: NDArray[Any]
     """Initial phase of each rollout, in [0, 1)."""
-    joint_error: NDArray
+    joint_error: NDArray[Any]
     """10 %, 50 % and 90 % quantiles of the rows' joint RMSE by phase [rad], shape [3, PHASE_BINS]."""
-    root_error: NDArray
+    root_error: NDArray[Any]
     """The same of the root's distance from its reference [m]."""
 
     @property
@@ -82,7 +83,7 @@ class Result:
 
 def measure(
     recorded: RecordedRollouts,
-    chosen: NDArray,
+    chosen: NDArray[Any],
     clip: str,
     condition: str,
     frame_duration: float,
@@ -100,7 +101,7 @@ def measure(
         spec: The robot.
         names: Metrics to measure.
     """
-    parts: dict[str, list[NDArray]] = {name: [] for name in names}
+    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
     phases, joint_errors, root_errors = [], [], []
     for first in range(0, len(chosen), MEASURED_AT_ONCE):
         some = chosen[first : first + MEASURED_AT_ONCE]

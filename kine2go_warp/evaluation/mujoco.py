@@ -25,7 +25,7 @@ from kine2go_warp.rollouts.rollout import InitialStates, RecordedRollouts, Rows
 class Track:
     """What has been seen of one rollout, row by row."""
 
-    rows: dict[str, list[NDArray]]
+    rows: dict[str, list[NDArray[Any]]]
     failure: str = ""
 
     def add(self, **values: Any) -> None:
@@ -92,7 +92,7 @@ class MujocoRollouts:
         length = np.array([len(track.rows["phase"]) for track in tracks])
         completed = [self._completed(track) for track in tracks]
 
-        def read(name: str, chosen: NDArray) -> NDArray:
+        def read(name: str, chosen: NDArray[Any]) -> NDArray[Any]:
             return np.stack([completed[index][name] for index in chosen])
 
         failure = np.array([track.failure for track in tracks])
@@ -167,13 +167,13 @@ class MujocoRollouts:
             for name, values in rows.items()
         }
 
-    def _links(self, position: NDArray, orientation: Rotation, joints: NDArray) -> NDArray:
+    def _links(self, position: NDArray[Any], orientation: Rotation, joints: NDArray[Any]) -> NDArray[Any]:
         """Return joint centres and feet in the world [m], shape [num_rows, 16, 3]."""
         in_base = link_positions(self.spec, joints)
         return np.einsum("tij,tkj->tki", orientation.as_matrix(), in_base) + position[:, None]
 
 
-def turn_between(wxyz: NDArray, rotation: NDArray) -> float:
+def turn_between(wxyz: NDArray[Any], rotation: NDArray[Any]) -> float:
     """Return the angle between two orientations [rad]."""
     # The trace of a rotation is 1 + 2 cos(angle); limits are far from where this loses digits.
     return float(np.arccos(np.clip(0.5 * (np.sum(to_matrix(wxyz) * rotation) - 1.0), -1.0, 1.0)))

@@ -1,6 +1,7 @@
 """The exported policy in plain MuJoCo beside the policy in Newton, from the same initial states."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,9 @@ def sim2sim(
     return found
 
 
-def apart(one: RecordedRollouts, other: RecordedRollouts, chosen: NDArray, control_rate: float) -> dict[float, float]:
+def apart(
+    one: RecordedRollouts, other: RecordedRollouts, chosen: NDArray[Any], control_rate: float
+) -> dict[float, float]:
     """Return how far the roots of the same rollouts are apart after some times [m], the median of those that last."""
     distance = np.linalg.norm(one.read("root_position", chosen) - other.read("root_position", chosen), axis=-1)
     found = {}

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ class Field:
     columns: tuple[str, ...]
     """Name of each of its numbers in a row."""
 
-    def values(self, arrays: Mapping[str, NDArray]) -> NDArray[np.float32]:
+    def values(self, arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
         """Return the field of some rows, shape [num_rows, num_columns].
 
         Args:

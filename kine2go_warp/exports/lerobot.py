@@ -136,7 +136,7 @@ def information(dataset: Dataset, fields: list[Field], rows: int, num_tasks: int
 
 def episode_columns(
     one: Trajectory, fields: list[Field], episode: int, first_row: int, task: int, rate: float
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Return all features of an episode, those with names of shape [length, num_columns], the others [length]."""
     frames = np.arange(one.length, dtype=np.int64)
     columns = {field.name: field.values(one.arrays) for field in fields}
@@ -149,7 +149,7 @@ def episode_columns(
     }
 
 
-def check_finite(dataset: Dataset, one: TrajectoryReference, columns: dict[str, NDArray]) -> None:
+def check_finite(dataset: Dataset, one: TrajectoryReference, columns: dict[str, NDArray[Any]]) -> None:
     """Check that an episode holds finite numbers only, without which its statistics would be useless.
 
     Raises:
@@ -162,7 +162,7 @@ def check_finite(dataset: Dataset, one: TrajectoryReference, columns: dict[str, 
             raise ExportError(f"{where}: {name} is not finite; leave the motion out, or gather it again")
 
 
-def as_table(columns: dict[str, NDArray]) -> pa.Table:
+def as_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
     """Return columns as LeRobot stores them: lists of fixed size, and plain numbers for a single one."""
     arrays = {}
     for name, values in columns.items():

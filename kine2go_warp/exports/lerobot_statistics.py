@@ -52,7 +52,7 @@ class EpisodeStatistics:
         }
 
 
-def episode_statistics(columns: Mapping[str, NDArray]) -> EpisodeStatistics:
+def episode_statistics(columns: Mapping[str, NDArray[Any]]) -> EpisodeStatistics:
     """Return the statistics of an episode from its features, each of shape [length, num_columns] or [length]."""
     features = {}
     for name, values in columns.items():

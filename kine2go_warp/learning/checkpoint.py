@@ -55,11 +55,11 @@ def weights_hash(checkpoint: Path) -> str:
     return digest.hexdigest()
 
 
-def tensors(arrays: dict[str, NDArray]) -> dict[str, torch.Tensor]:
+def tensors(arrays: dict[str, NDArray[Any]]) -> dict[str, torch.Tensor]:
     """Return arrays as tensors, which a checkpoint may hold."""
     return {name: torch.from_numpy(np.ascontiguousarray(array)) for name, array in arrays.items()}
 
 
-def arrays(values: dict[str, torch.Tensor]) -> dict[str, NDArray]:
+def arrays(values: dict[str, torch.Tensor]) -> dict[str, NDArray[Any]]:
     """Return tensors of a checkpoint as arrays."""
     return {name: tensor.cpu().numpy() for name, tensor in values.items()}

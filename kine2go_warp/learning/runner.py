@@ -182,7 +182,7 @@ class ImitationRunner(OnPolicyRunner):
             self.save(str(path))
             raise TrainingInterrupted(f"stopped after iteration {progress.iteration}; {path} holds all of it")
 
-    def save(self, path: str, infos: dict | None = None) -> None:
+    def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
         """Write a checkpoint whole or not at all, and remove those that are no longer needed."""
         if path == self._saved:
             # RSL-RL saves the last iteration once more.

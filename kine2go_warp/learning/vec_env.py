@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 import warp as wp
@@ -128,7 +128,7 @@ class BufferedVecEnv(VecEnv):
             observations["privileged"] = self.buffers.privileged.clone()
         return TensorDict(observations, batch_size=[self.num_envs])  # pyright: ignore[reportArgumentType]
 
-    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
         """Advance all worlds by one control step; see ``VecEnv.step``. What it returns are copies.
 
         The log has the mean of each reward term, and by reason the share of the worlds whose episode has ended.

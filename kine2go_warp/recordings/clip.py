@@ -1,6 +1,7 @@
 """The recording of a reference clip over some cycles, to look at before any training."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -51,7 +52,7 @@ def record_clip(clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Mesh
         columns.fix("text", rr.TextDocument(clip_text(clip, cycles), media_type="text/markdown"))
 
 
-def log_ways(columns: Columns, poses: Poses, standing: NDArray[np.bool_], seams: NDArray) -> None:
+def log_ways(columns: Columns, poses: Poses, standing: NDArray[np.bool_], seams: NDArray[Any]) -> None:
     """Log the ways of root and feet, the places where feet stand, and the seams."""
     columns.fix("ways/root", rr.LineStrips3D([poses.root_position], colors=[ROOT_COLOUR], radii=THIN))
     for foot, (leg, colour) in enumerate(LEG_COLOURS.items()):
@@ -92,14 +93,14 @@ def log_stances(columns: Columns, standing: NDArray[np.bool_], spec: RobotSpec) 
     columns.curves("plots/stance/range", np.tile([0.4, 4.6], (len(bars), 1)), ["", ""], [(0, 0, 0, 0)] * 2)
 
 
-def log_joints(columns: Columns, joints: NDArray, spec: RobotSpec) -> None:
+def log_joints(columns: Columns, joints: NDArray[Any], spec: RobotSpec) -> None:
     """Log the joint positions of each leg."""
     for number, leg in enumerate(spec.legs):
         part = joints[:, 3 * number : 3 * number + 3]
         columns.curves(f"plots/joints/{leg.name}", part, LEG_JOINTS, list(LEG_COLOURS.values())[:3])
 
 
-def log_seams(recording: rr.RecordingStream, times: NDArray) -> None:
+def log_seams(recording: rr.RecordingStream, times: NDArray[Any]) -> None:
     """Log a mark at each seam."""
     marks = Columns(recording, "clip/plots", times)
     style = rr.SeriesPoints(colors=[list(SEAM_COLOUR)], names=["seam"], markers=["diamond"], marker_sizes=[7.0])
@@ -129,7 +130,7 @@ def clip_text(clip: MotionClip, cycles: int) -> str:
     return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in facts.items())])
 
 
-def clip_layout(name: str, poses: Poses, orientation: NDArray, spec: RobotSpec) -> rrb.Blueprint:
+def clip_layout(name: str, poses: Poses, orientation: NDArray[Any], spec: RobotSpec) -> rrb.Blueprint:
     """Return the layout of a clip's recording."""
     start = poses.root_position[0]
     space = [f"+ /clip/{part}/**" for part in ("robot", "keypoints", "ways")]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun.blueprint as rrb
@@ -87,7 +88,7 @@ def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.H
     )
 
 
-def turned(vector: Vector, orientation: NDArray) -> NDArray:
+def turned(vector: Vector, orientation: NDArray[Any]) -> NDArray[Any]:
     """Turn a vector about the vertical by the heading of an orientation (w, x, y, z)."""
     return turn_planar(np.asarray(vector), heading(orientation))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -18,7 +19,7 @@ HEIGHT = 0.12
 """How far above the base the arrow points [m]."""
 
 
-def log_pushes(columns: Columns, rows: Mapping[str, NDArray]) -> None:
+def log_pushes(columns: Columns, rows: Mapping[str, NDArray[Any]]) -> None:
     """Log an arrow for a while after each push, a mark on the root's way, and one in the plot of errors.
 
     Older datasets have no pushes.
@@ -40,7 +41,7 @@ def log_pushes(columns: Columns, rows: Mapping[str, NDArray]) -> None:
     marks.send("plots/push", rr.Scalars.columns(scalars=np.zeros(len(pushed))))
 
 
-def log_arrows(columns: Columns, root: NDArray, push: NDArray, pushed: NDArray) -> None:
+def log_arrows(columns: Columns, root: NDArray[Any], push: NDArray[Any], pushed: NDArray[Any]) -> None:
     """Log an arrow that goes with the robot from each push on, with its size as a text."""
     last = np.full(len(push), -1)
     for row in pushed:

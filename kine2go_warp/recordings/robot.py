@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -110,7 +111,7 @@ class RobotDrawer:
         columns.send("feet", rr.Ellipsoids3D.columns(centers=flat(poses.feet), colors=flat(colours)), 4)
 
 
-def flat(values: NDArray) -> NDArray:
+def flat(values: NDArray[Any]) -> NDArray[Any]:
     """Return the instances of all rows one after the other, in single precision unless they are whole numbers."""
     values = values.reshape(-1, values.shape[-1])
     return values if values.dtype.kind == "u" else values.astype(np.float32)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,10 +71,10 @@ class Poses:
 
 def compute_poses(
     spec: RobotSpec,
-    root_position: NDArray,
-    root_orientation: NDArray,
-    joint_position: NDArray,
-    link_position: NDArray | None = None,
+    root_position: NDArray[Any],
+    root_orientation: NDArray[Any],
+    joint_position: NDArray[Any],
+    link_position: NDArray[Any] | None = None,
 ) -> Poses:
     """Compute where the links of a robot are.
 
@@ -97,13 +98,13 @@ def compute_poses(
     return Poses(*(np.ascontiguousarray(values, np.float32) for values in arrays))
 
 
-def robot_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
+def robot_poses(spec: RobotSpec, rows: Mapping[str, NDArray[Any]]) -> Poses:
     """Return the robot of a trajectory, at the points that the dataset stores."""
     state = rows["root_position"], rows["root_orientation"], rows["joint_position"], rows["link_position"]
     return compute_poses(spec, *state)
 
 
-def reference_poses(spec: RobotSpec, rows: Mapping[str, NDArray]) -> Poses:
+def reference_poses(spec: RobotSpec, rows: Mapping[str, NDArray[Any]]) -> Poses:
     """Return the reference of a trajectory."""
     names = ("reference_root_position", "reference_root_orientation", "reference_joint_position")
     return compute_poses(spec, *(rows[name] for name in names))
@@ -115,13 +116,13 @@ def skeletons(poses: Poses) -> Array:
     return np.stack([*parts, poses.feet], axis=2)
 
 
-def about(axis: int, angle: NDArray) -> NDArray[np.float64]:
+def about(axis: int, angle: NDArray[Any]) -> NDArray[np.float64]:
     """Return the turn by an angle [rad] about a coordinate axis, (w, x, y, z), shape [..., 4]."""
     turn = np.zeros((*np.shape(angle), 4))
     turn[..., 0], turn[..., 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
     return turn
 
 
-def xyzw(quaternions: NDArray) -> NDArray:
+def xyzw(quaternions: NDArray[Any]) -> NDArray[Any]:
     """Return quaternions (w, x, y, z) in the viewer's order."""
     return quaternions[..., [1, 2, 3, 0]]

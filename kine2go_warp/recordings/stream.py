@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -65,7 +66,7 @@ class Columns:
         """Return the same for entities below one of these."""
         return replace(self, path=f"{self.path}/{entity}")
 
-    def send(self, entity: str, columns: rr.ComponentColumnList, sizes: int | NDArray | None = None) -> None:
+    def send(self, entity: str, columns: rr.ComponentColumnList, sizes: int | NDArray[Any] | None = None) -> None:
         """Log what changes from row to row.
 
         Args:
@@ -86,7 +87,7 @@ class Columns:
         self.recording.log(f"{self.path}/{entity}", value, static=True)
 
     def curves(
-        self, entity: str, values: NDArray, names: Iterable[str], colours: Iterable[Colour], width: float = 1.5
+        self, entity: str, values: NDArray[Any], names: Iterable[str], colours: Iterable[Colour], width: float = 1.5
     ) -> None:
         """Log several curves as one entity, ``values`` of shape [num_rows, num_curves]."""
         values = np.asarray(values, np.float64)

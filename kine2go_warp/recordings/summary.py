@@ -35,7 +35,7 @@ def trajectory_text(motion: Motion, one: Trajectory, usage: LimitUsage, verdict:
     return "\n".join(lines)
 
 
-def pushes_text(push: NDArray, time: NDArray) -> str:
+def pushes_text(push: NDArray[Any], time: NDArray[Any]) -> str:
     """Return when a trajectory was pushed and how hard."""
     speed = np.linalg.norm(push, axis=-1)
     pushed = np.flatnonzero(speed > 0.0)

@@ -96,7 +96,7 @@ def log_targets(columns: Columns, reference: Poses, steps: tuple[int, ...]) -> N
     columns.send("targets", rr.LineStrips3D.columns(strips=strips), 2 * exists.sum(axis=1))
 
 
-def log_forces(columns: Columns, robot: Poses, force: NDArray, standing: NDArray[np.bool_]) -> None:
+def log_forces(columns: Columns, robot: Poses, force: NDArray[Any], standing: NDArray[np.bool_]) -> None:
     """Log an arrow for the force of the floor on each foot that stands."""
     legs = list(LEG_COLOURS.values())
     vectors = np.where(standing[..., None], FORCE_SCALE * force, 0.0)
@@ -104,7 +104,7 @@ def log_forces(columns: Columns, robot: Poses, force: NDArray, standing: NDArray
     columns.send("forces", rr.Arrows3D.columns(origins=flat(robot.feet), vectors=flat(vectors)), 4)
 
 
-def log_paths(columns: Columns, rows: Mapping[str, NDArray]) -> None:
+def log_paths(columns: Columns, rows: Mapping[str, NDArray[Any]]) -> None:
     """Log the ways of root and reference as a whole."""
     for name, colour in (("root", (225, 228, 235)), ("reference_root", (120, 150, 200))):
         strip = rows[f"{name}_position"][::2]
@@ -112,7 +112,7 @@ def log_paths(columns: Columns, rows: Mapping[str, NDArray]) -> None:
 
 
 def log_curves(
-    columns: Columns, motion: Motion, rows: Mapping[str, NDArray], usage: LimitUsage, spec: RobotSpec
+    columns: Columns, motion: Motion, rows: Mapping[str, NDArray[Any]], usage: LimitUsage, spec: RobotSpec
 ) -> None:
     """Log joints beside their references, errors as shares of their limits, rewards, forces and leg distance."""
     reference = rows["reference_joint_position"]
@@ -132,7 +132,7 @@ def log_curves(
     log_leg_distance(columns, rows["leg_distance"], usage)
 
 
-def log_leg_distance(columns: Columns, distance: NDArray, usage: LimitUsage) -> None:
+def log_leg_distance(columns: Columns, distance: NDArray[Any], usage: LimitUsage) -> None:
     """Log the least distance of the legs from one another and the trunk, with a line where the filter rejects."""
     curves = {"least distance": (distance, ERROR_COLOURS[0])}
     deepest = dict(zip((one.name for one in FILTER_METRICS), usage.limits, strict=True))["leg_overlap"]
@@ -142,7 +142,7 @@ def log_leg_distance(columns: Columns, distance: NDArray, usage: LimitUsage) -> 
     columns.curves("plots/leg_distance", np.stack(values, axis=1), curves, colours)
 
 
-def log_errors(columns: Columns, rows: Mapping[str, NDArray], usage: LimitUsage) -> None:
+def log_errors(columns: Columns, rows: Mapping[str, NDArray[Any]], usage: LimitUsage) -> None:
     """Log the errors as shares of the limits of the filter, with a line at 1; without limits as they are."""
     errors, limits = row_errors(rows), usage.limits[: len(ROW_LIMITS)]
     is_known = not np.isnan(limits).any()

@@ -82,7 +82,7 @@ def stream_address(port: int) -> str:
     return f"rerun+http://127.0.0.1:{port}/proxy"
 
 
-def is_listening(process: subprocess.Popen, port: int, limit: float = 20.0) -> bool:
+def is_listening(process: subprocess.Popen[bytes], port: int, limit: float = 20.0) -> bool:
     """Wait until somebody listens at a port; return False if the process ends before or it takes too long [s]."""
     end = time.monotonic() + limit
     while time.monotonic() < end and process.poll() is None:
@@ -98,7 +98,7 @@ def is_listening(process: subprocess.Popen, port: int, limit: float = 20.0) -> b
 class WebViewer:
     """Serves recordings to browsers of this machine."""
 
-    process: subprocess.Popen
+    process: subprocess.Popen[bytes]
     url: str
     """The page to open."""
     source: str

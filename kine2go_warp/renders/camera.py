@@ -1,6 +1,7 @@
 """A camera that follows the robot smoothly: it knows the whole path and so lags behind nothing."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class FollowCamera:
     """Where it looks for each row [deg], shape [num_rows]."""
 
     @classmethod
-    def of(cls, root_position: NDArray, root_orientation: NDArray, rate: float) -> "FollowCamera":
+    def of(cls, root_position: NDArray[Any], root_orientation: NDArray[Any], rate: float) -> "FollowCamera":
         """Follow a path.
 
         Args:

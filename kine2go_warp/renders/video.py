@@ -66,7 +66,7 @@ class RenderedTrajectory:
 
     motion: str
     index: int
-    rows: dict[str, NDArray]
+    rows: dict[str, NDArray[Any]]
     """``SHOWN_ARRAYS``, each of shape [num_rows, ...]."""
     time: NDArray[np.float64]
     """From the first row [s], shape [num_rows]."""

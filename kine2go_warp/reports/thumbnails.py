@@ -3,6 +3,7 @@
 import base64
 import io
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ class Strip:
     shots: tuple[Shot, ...]
 
 
-def ranked_trajectories(values: NDArray) -> dict[str, int]:
+def ranked_trajectories(values: NDArray[Any]) -> dict[str, int]:
     """Return the trajectories with the least, the middle and the largest value; each one only once."""
     order = [int(index) for index in np.argsort(values, kind="stable") if not np.isnan(values[index])]
     if not order:
@@ -56,7 +57,9 @@ def ranked_trajectories(values: NDArray) -> dict[str, int]:
     return once
 
 
-def strips(renderer: RenderProcess, motion: Motion, joint_rmse: NDArray, indices: NDArray) -> tuple[Strip, ...]:
+def strips(
+    renderer: RenderProcess, motion: Motion, joint_rmse: NDArray[Any], indices: NDArray[Any]
+) -> tuple[Strip, ...]:
     """Draw the best, the median and the worst trajectory of a motion.
 
     Args:

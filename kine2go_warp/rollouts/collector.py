@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import torch
@@ -36,7 +37,7 @@ class RolloutBatch:
     """Rollouts that ran at once."""
 
     recorded: RecordedRollouts
-    draws: dict[str, NDArray]
+    draws: dict[str, NDArray[Any]]
     groups: Groups
     result: FilterResult
     seconds: float
@@ -101,7 +102,7 @@ class CollectedRollouts:
         return len(self.indices)
 
     @property
-    def draws(self) -> dict[str, NDArray]:
+    def draws(self) -> dict[str, NDArray[Any]]:
         """How each rollout was drawn."""
         return {name: self._picked(lambda batch, name=name: batch.draws[name]) for name in self.batches[0].draws}
 
@@ -118,7 +119,7 @@ class CollectedRollouts:
         """Why each rollout was rejected, an empty text if it was not."""
         return [self.batches[number].result.reasons[world] for number, world in self.indices]
 
-    def read_rows(self, name: str, first: int, last: int) -> NDArray:
+    def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""
         found = []
         for number, batch in enumerate(self.batches):
@@ -127,7 +128,7 @@ class CollectedRollouts:
                 found.append(batch.recorded.read(name, worlds))
         return np.concatenate(found)
 
-    def _picked(self, values: Callable[[RolloutBatch], NDArray]) -> NDArray:
+    def _picked(self, values: Callable[[RolloutBatch], NDArray[Any]]) -> NDArray[Any]:
         """Return a value of each rollout."""
         if not self.indices:
             return values(self.batches[0])[:0]
@@ -260,7 +261,7 @@ class RolloutCollector:
         groups.update(quality=result.quality, final_state=recorded.final)
         return RolloutBatch(recorded, draws, groups, result, seconds, writer.num_bytes, writer.waited)
 
-    def _initial_state(self) -> dict[str, NDArray]:
+    def _initial_state(self) -> dict[str, NDArray[Any]]:
         """Return what simulator and motors need to go on from here."""
         snapshot = WorldSnapshot.take(self.environment)
         return {array.name: snapshot.arrays[array.name] for array in INITIAL_STATE_ARRAYS}

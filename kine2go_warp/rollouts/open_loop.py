@@ -1,6 +1,7 @@
 """Robots that follow recorded commands without a policy: the simulation of a rollout alone, as it was gathered."""
 
 from dataclasses import replace
+from typing import Any
 
 import warp as wp
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from kine2go_warp.kernels.recording import record_root
 from kine2go_warp.kernels.resets import advance_counters
 from kine2go_warp.robots import RobotSpec
 
-InitialState = dict[str, NDArray]
+InitialState = dict[str, NDArray[Any]]
 """Arrays of ``INITIAL_STATE_ARRAYS``, the first axis of each being the trajectory."""
 
 
@@ -73,7 +74,7 @@ class OpenLoop:
             self.bodies.apply_bodies()
         self.bodies.apply_friction()
 
-    def step(self, joint_target: NDArray, push: NDArray) -> None:
+    def step(self, joint_target: NDArray[Any], push: NDArray[Any]) -> None:
         """Advance by one control step.
 
         Args:
@@ -95,7 +96,7 @@ class OpenLoop:
         self.simulation.advance(self.motors, self.reference_step)
         wp.launch(advance_counters, dim=self.config.num_worlds, inputs=[self.reference_step, self._length])
 
-    def state(self) -> dict[str, NDArray]:
+    def state(self) -> dict[str, NDArray[Any]]:
         """Return the present state by the names of the dataset's arrays, the first axis being the world."""
         with wp.ScopedDevice(self.device):
             wp.launch(record_root, dim=self.config.num_worlds, inputs=[self.simulation.robot, *self._root])

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ class FilterResult:
 
     reasons: tuple[str, ...]
     """Why each one is rejected, an empty text if it is not."""
-    quality: dict[str, NDArray]
+    quality: dict[str, NDArray[Any]]
     """Arrays of ``QUALITY_ARRAYS``, each of shape [num_trajectories]."""
 
     @property
@@ -32,7 +33,7 @@ class FilterResult:
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
 
-def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[str, NDArray]:
+def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[str, NDArray[Any]]:
     """Return the metrics of rollouts but for the share of a limit, each of shape [num_trajectories].
 
     Args:
@@ -56,7 +57,7 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
 
 
 def filter_rollouts(
-    rows: Rows, failures: NDArray, config: GatherConfig, frame_duration: float, spec: RobotSpec
+    rows: Rows, failures: NDArray[Any], config: GatherConfig, frame_duration: float, spec: RobotSpec
 ) -> FilterResult:
     """Decide which rollouts are good enough, and for which reason the others are rejected.
 

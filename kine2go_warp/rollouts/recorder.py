@@ -1,5 +1,7 @@
 """Takes rows of state and action off the device without slowing it down."""
 
+from typing import Any
+
 import torch
 import warp as wp
 from numpy.typing import NDArray
@@ -85,7 +87,7 @@ class RolloutRecorder:
         self._store("foot_contact", bears.float())
         self._store("action_mean", self._normalised(self._mean_target))
 
-    def present_state(self) -> dict[str, NDArray]:
+    def present_state(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds now, by the names of ``FINAL_STATE_ARRAYS``. It waits for the device."""
         environment = self.environment
         with wp.ScopedDevice(environment.device):
@@ -138,7 +140,7 @@ class RolloutRecorder:
             "cycle",
         )
         buffers = self._root + self._links + self._reference
-        arrays: dict[str, wp.array] = dict(zip(root + links + reference, buffers, strict=True))
+        arrays: dict[str, wp.array[Any]] = dict(zip(root + links + reference, buffers, strict=True))
         arrays["reference_joint_position"] = environment.reference.joint_position
         arrays["reference_joint_velocity"] = environment.reference.joint_velocity
         arrays["reference_root_linear_velocity"] = environment.reference.linear_velocity
@@ -155,7 +157,7 @@ class RolloutRecorder:
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]
         return views
 
-    def _normalised(self, joint_target: wp.array) -> torch.Tensor:
+    def _normalised(self, joint_target: wp.array[Any]) -> torch.Tensor:
         """Return joint targets in the unit of the dataset's actions, shape [num_worlds, 12]."""
         return (wp.to_torch(joint_target) - self._default) / self.environment.spec.action_scale
 

@@ -135,7 +135,7 @@ def replay_in_newton(
     reach: float,
     initial: InitialState,
     device: str,
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Return the states of a trajectory simulated anew, each of shape [num_rows, ...]."""
     rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
     robot = OpenLoop(spec, config, reach, initial, device)
@@ -154,7 +154,7 @@ def replay_in_mujoco(
     reach: float,  # noqa: ARG001 - the ground is a plane
     initial: InitialState,
     device: str,  # noqa: ARG001 - MuJoCo runs on the CPU
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Return the same from plain MuJoCo, whose model is compiled from URDF and specification.
 
     Raises:
@@ -186,14 +186,14 @@ def replay_in_mujoco(
     }
 
 
-def coming_targets(initial: InitialState, substeps: int) -> list[NDArray]:
+def coming_targets(initial: InitialState, substeps: int) -> list[NDArray[Any]]:
     """Return the targets on their way to the motors, one a substep of the latency, the next one first."""
     queue, step, delay = initial["target_queue"][0], int(initial["reference_step"][0]), int(initial["delay"][0])
     steps = [(step * substeps + substep - delay) // substeps for substep in range(delay)]
     return [queue[place % len(queue)] for place in steps]
 
 
-def compare(data: MotionData, index: int, replayed: dict[str, NDArray], control_rate: float) -> ReplayResult:
+def compare(data: MotionData, index: int, replayed: dict[str, NDArray[Any]], control_rate: float) -> ReplayResult:
     """Compare a replay with the record."""
     length = int(data.trajectories.draws["length"][index])
     recorded = {name: data.trajectories.rows[name][index, :length] for name in STATES}
@@ -209,7 +209,7 @@ def compare(data: MotionData, index: int, replayed: dict[str, NDArray], control_
     joint = np.abs(recorded["joint_position"] - replayed["joint_position"]).max(axis=-1)
     ends = [round(horizon * control_rate) + 1 for horizon in HORIZONS]
 
-    def largest(values: NDArray) -> tuple[float, ...]:
+    def largest(values: NDArray[Any]) -> tuple[float, ...]:
         within = [float(values[:end].max()) if end <= length else float("nan") for end in ends]
         return (*within, float(values.max()))
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -20,7 +20,7 @@ from kine2go_warp.rotations import continuous
 STEPS_BETWEEN_LOOKS = 64
 """Control steps between two reports of progress; it is then also checked whether every rollout has failed."""
 
-Rows = dict[str, NDArray]
+Rows = dict[str, NDArray[Any]]
 
 
 class Actor(Protocol):
@@ -35,13 +35,13 @@ class Actor(Protocol):
 class InitialStates:
     """Where rollouts begin, before the warm-up; the first axis of each array is the rollout."""
 
-    phase: NDArray
+    phase: NDArray[Any]
     """Phase of the reference cycle, in [0, 1)."""
-    heading: NDArray
+    heading: NDArray[Any]
     """Rotation of the reference about the world's z axis [rad]."""
-    joint_q: NDArray
+    joint_q: NDArray[Any]
     """Newton's coordinates, shape [num_rollouts, 19]."""
-    joint_qd: NDArray
+    joint_qd: NDArray[Any]
     """Newton's velocities, shape [num_rollouts, 18]."""
 
     @classmethod
@@ -58,19 +58,19 @@ class RecordedRollouts:
 
     names: tuple[str, ...]
     """Names of the arrays that every row has."""
-    read: Callable[[str, NDArray], NDArray]
+    read: Callable[[str, NDArray[Any]], NDArray[Any]]
     """Return one array of some rollouts, NaN beyond the end of each, shape [num_chosen, num_rows, ...]."""
-    length: NDArray
+    length: NDArray[Any]
     """Rows of each rollout, shape [num_rollouts]."""
-    failure: NDArray
+    failure: NDArray[Any]
     """Why each rollout ended early, no text if it did not, shape [num_rollouts]."""
     initial: InitialStates
-    final: dict[str, NDArray] = field(default_factory=dict)
+    final: dict[str, NDArray[Any]] = field(default_factory=dict)
     """State after the last row by the names of ``FINAL_STATE_ARRAYS``, NaN for rollouts that ended early."""
     rows_simulated: int = 0
     """Rows recorded of all rollouts, those after an early end included."""
 
-    def rows(self, chosen: NDArray) -> Rows:
+    def rows(self, chosen: NDArray[Any]) -> Rows:
         """Return all arrays of some rollouts."""
         return {name: self.read(name, chosen) for name in self.names}
 
@@ -133,7 +133,7 @@ def roll_out(
     counted = survived + (failure > 0).int() - warm_up
     length = counted.clamp(min=0, max=num_rows).cpu().numpy().astype(np.int32)
 
-    def read(name: str, chosen: NDArray) -> NDArray:
+    def read(name: str, chosen: NDArray[Any]) -> NDArray[Any]:
         recorded = writer.read(name, chosen)
         rows = np.full((len(chosen), num_rows, *recorded.shape[2:]), np.nan, np.float32)
         rows[:, : recorded.shape[1]] = recorded

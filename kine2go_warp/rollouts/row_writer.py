@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import torch
@@ -34,7 +34,7 @@ class AsyncRowWriter:
         """Bytes submitted."""
         self._layout: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
         self._is_given_up = False
-        self._queue: queue.Queue = queue.Queue(QUEUED_BLOCKS)
+        self._queue: queue.Queue[Any] = queue.Queue(QUEUED_BLOCKS)
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._write, name="kine2go row writer", daemon=True)
         self._thread.start()
@@ -74,7 +74,7 @@ class AsyncRowWriter:
         self.waited += time.perf_counter() - started
         self._raise_error()
 
-    def read(self, name: str, worlds: NDArray) -> NDArray:
+    def read(self, name: str, worlds: NDArray[Any]) -> NDArray[Any]:
         """Return the rows of some worlds, shape [len(worlds), num_rows, ...]."""
         dtype, shape = self._layout[name]
         rows = np.memmap(self.folder / name, dtype=dtype, mode="r").reshape(-1, *shape)

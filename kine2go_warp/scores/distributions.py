@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zarr
@@ -22,9 +23,9 @@ class Distribution:
     name: str
     unit: str
     limit: float
-    accepted: NDArray
+    accepted: NDArray[Any]
     """The metric of each accepted rollout."""
-    rejected: NDArray
+    rejected: NDArray[Any]
     """The metric of each rejected rollout that was kept and had any rows."""
 
     def quantile(self, share: float) -> float:
@@ -44,7 +45,7 @@ def distributions(path: Path, motion: str) -> list[Distribution]:
         raise DatasetError(f"{path}/{motion}: does not tell the limits it was filtered by; gather it again")
     group = zarr.open_group(path / motion, mode="r")
 
-    def rejected(name: str) -> NDArray:
+    def rejected(name: str) -> NDArray[Any]:
         if REJECTED not in group:
             return np.empty(0)
         values = np.asarray(group[f"{REJECTED}/quality/{name}"][...])  # pyright: ignore[reportIndexIssue, reportArgumentType]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def compute_curves(data: MotionData) -> MotionCurves:
     )
 
 
-def quantiles_by_phase(phase: NDArray, values: NDArray) -> Array:
+def quantiles_by_phase(phase: NDArray[Any], values: NDArray[Any]) -> Array:
     """Return 10 %, 50 % and 90 % quantiles of ``values`` in equal bins of ``phase``, shape [3, PHASE_BINS]."""
     there = ~np.isnan(values)
     place = np.minimum((phase[there] * PHASE_BINS).astype(int), PHASE_BINS - 1)

@@ -20,9 +20,9 @@ from kine2go_warp.tables import Cell, make_table, markdown
 class Rollouts:
     """What metrics are computed from."""
 
-    rows: Mapping[str, NDArray]
+    rows: Mapping[str, NDArray[Any]]
     """Row arrays of the dataset, each of shape [num_trajectories, num_rows, ...], NaN beyond a trajectory's end."""
-    length: NDArray
+    length: NDArray[Any]
     """Rows of each trajectory, shape [num_trajectories]."""
     frame_duration: float
     """[s]"""
@@ -51,21 +51,23 @@ class Rollouts:
 class ScoredMetric(Metric):
     """A metric that a dataset is scored by."""
 
-    compute: Callable[[Rollouts], NDArray]
+    compute: Callable[[Rollouts], NDArray[Any]]
     """Returns one metric a trajectory; of a share, whether it happened to each rollout."""
 
 
-def stored(name: str, compute: Callable[[Rollouts], NDArray]) -> ScoredMetric:
+def stored(name: str, compute: Callable[[Rollouts], NDArray[Any]]) -> ScoredMetric:
     """Return a metric that the dataset stores, too, and how it is computed from its rows."""
     return ScoredMetric(**vars(metrics.METRICS[name]), compute=compute)
 
 
-def scored(name: str, unit: str, description: str, compute: Callable[[Rollouts], NDArray], **more: Any) -> ScoredMetric:
+def scored(
+    name: str, unit: str, description: str, compute: Callable[[Rollouts], NDArray[Any]], **more: Any
+) -> ScoredMetric:
     """Return a metric that the dataset does not store."""
     return ScoredMetric(name=name, unit=unit, description=description, compute=compute, **more)
 
 
-def _feet_in_base(rollouts: Rollouts) -> NDArray:
+def _feet_in_base(rollouts: Rollouts) -> NDArray[Any]:
     """Return the mean distance of the feet from their references, both seen from their own base [m]."""
     rows = rollouts.rows
     feet = metrics.in_base_frame(
@@ -77,7 +79,7 @@ def _feet_in_base(rollouts: Rollouts) -> NDArray:
     return metrics.mean_distance(feet, reference)
 
 
-def _power(rollouts: Rollouts) -> NDArray:
+def _power(rollouts: Rollouts) -> NDArray[Any]:
     """Return the mechanical power [W]."""
     return metrics.mechanical_power(rollouts.rows["joint_power_mean"])
 

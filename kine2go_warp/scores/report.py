@@ -29,7 +29,7 @@ class MotionMetrics:
     trajectories: int
     rows: int
     """Rows of all trajectories together."""
-    metrics: Mapping[str, NDArray]
+    metrics: Mapping[str, NDArray[Any]]
     """By the names in ``METRICS``, each of shape [num_trajectories]; shares [num_rollouts]."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class Estimate:
 NOTHING = Estimate(np.nan, np.nan, np.nan, 0)
 
 
-def estimate_mean(motions: Sequence[NDArray]) -> Estimate:
+def estimate_mean(motions: Sequence[NDArray[Any]]) -> Estimate:
     """Return the mean of the motions' means, so that each motion counts the same, with a bootstrap interval.
 
     Trajectories are drawn again within each motion, since they and not the motions are what chance has chosen.
@@ -48,12 +49,12 @@ def estimate_mean(motions: Sequence[NDArray]) -> Estimate:
     return Estimate(value, float(low), float(high), count)
 
 
-def resampled_means(values: NDArray, generator: np.random.Generator) -> NDArray:
+def resampled_means(values: NDArray[Any], generator: np.random.Generator) -> NDArray[Any]:
     """Return means of samples drawn with replacement, shape [RESAMPLES]."""
     return values[generator.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
 
 
-def estimate_share(motions: Sequence[NDArray]) -> Estimate:
+def estimate_share(motions: Sequence[NDArray[Any]]) -> Estimate:
     """Return the share of rollouts of all motions to which something happened, with Wilson's interval.
 
     A bootstrap of twenty successes in twenty trials would claim certainty; this one does not.

@@ -1,6 +1,7 @@
 """Earth Mover's Distance between the states of a rollout and those of its reference."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ MOST_SAMPLES = 1200
 """States of a trajectory that are compared at most; of more, so many are taken at equal distances."""
 
 
-def earth_movers_distance(a: NDArray, b: NDArray) -> float:
+def earth_movers_distance(a: NDArray[Any], b: NDArray[Any]) -> float:
     """Return the least mean distance at which the samples of two sets can be paired off, one to one.
 
     Exact, since sets of one size need no fractions: some permutation is among the best transport plans.
@@ -31,7 +32,7 @@ def earth_movers_distance(a: NDArray, b: NDArray) -> float:
     return float(cost[linear_sum_assignment(cost)].mean())
 
 
-def distance_per_trajectory(states: NDArray, reference: NDArray, most: int = MOST_SAMPLES) -> Array:
+def distance_per_trajectory(states: NDArray[Any], reference: NDArray[Any], most: int = MOST_SAMPLES) -> Array:
     """Return the Earth Mover's Distance of each rollout from its own reference, shape [num_trajectories].
 
     Args:
@@ -55,13 +56,13 @@ def evenly_spaced(count: int, most: int) -> NDArray[np.int_]:
     return np.linspace(0, count - 1, most).round().astype(int)
 
 
-def joint_states(joint_position: NDArray) -> Array:
+def joint_states(joint_position: NDArray[Any]) -> Array:
     """Return joint positions so scaled that a distance is the root mean square over the joints [rad]."""
     joint_position = np.asarray(joint_position, np.float64)
     return joint_position / np.sqrt(joint_position.shape[-1])
 
 
-def body_states(root_position: NDArray, root_orientation: NDArray, links_in_base: NDArray) -> Array:
+def body_states(root_position: NDArray[Any], root_orientation: NDArray[Any], links_in_base: NDArray[Any]) -> Array:
     """Return where root and links are, whatever the robot's place and heading in the plane.
 
     Horizontally a point is seen from the root and along its heading, vertically from the floor. All are metres, and so
@@ -84,12 +85,12 @@ def body_states(root_position: NDArray, root_orientation: NDArray, links_in_base
     return points.reshape(*points.shape[:-2], -1) / np.sqrt(points.shape[-2])
 
 
-def joint_distance(rows: Mapping[str, NDArray]) -> Array:
+def joint_distance(rows: Mapping[str, NDArray[Any]]) -> Array:
     """Return the Earth Mover's Distance of joint positions [rad], shape [num_trajectories]."""
     return distance_per_trajectory(joint_states(rows["joint_position"]), joint_states(rows["reference_joint_position"]))
 
 
-def body_distance(rows: Mapping[str, NDArray], spec: RobotSpec) -> Array:
+def body_distance(rows: Mapping[str, NDArray[Any]], spec: RobotSpec) -> Array:
     """Return the Earth Mover's Distance of the whole body's points [m], shape [num_trajectories]."""
 
     def states(prefix: str, one: slice) -> Array:

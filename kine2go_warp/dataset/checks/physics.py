@@ -1,6 +1,7 @@
 """Whether rows follow from one another by the laws of motion: plain MuJoCo takes single steps with the stored robot."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ def physics_findings(motion: StoredMotion, spec: RobotSpec) -> list[Finding] | N
 
 
 def trajectory_findings(
-    robot: StoredRobot, rows: dict[str, NDArray], length: int, motion: str, index: int, spec: RobotSpec
+    robot: StoredRobot, rows: dict[str, NDArray[Any]], length: int, motion: str, index: int, spec: RobotSpec
 ) -> Iterator[Finding]:
     """Yield the arrays of a trajectory that are not what steps from its rows give."""
     jumps = np.linalg.norm(np.diff(rows["root_linear_velocity"][:length], axis=0), axis=-1)
@@ -65,7 +66,7 @@ def trajectory_findings(
             )  # fmt: skip
 
 
-def step_errors(robot: StoredRobot, rows: dict[str, NDArray], row: int, feet: list[int]) -> list[float]:
+def step_errors(robot: StoredRobot, rows: dict[str, NDArray[Any]], row: int, feet: list[int]) -> list[float]:
     """Return how far the next row is from where a step from this one leads, in the order of ``PHYSICS_LIMITS``."""
     robot.place(row)
     robot.step(row)

@@ -31,7 +31,7 @@ class StoredMotion:
 
     name: str
     attributes: dict[str, Any]
-    arrays: dict[str, zarr.Array]
+    arrays: dict[str, zarr.Array[Any]]
     """By name, those of sub-groups as ``group/name``; those that cannot be opened are not there."""
     groups: set[str]
     """Names of the sub-groups."""
@@ -50,7 +50,7 @@ class StoredMotion:
         motion._open_members(folder, "")
         return motion
 
-    def read(self, name: str, part: slice = slice(None)) -> NDArray | None:
+    def read(self, name: str, part: slice = slice(None)) -> NDArray[Any] | None:
         """Return an array or some of its trajectories, None if it is not there or cannot be read."""
         if name not in self.arrays or name in self.unreadable:
             return None

@@ -60,7 +60,7 @@ class Term(Named):
             )
         return kernel
 
-    def launch(self, view: Any, out: "wp.array", column: int) -> None:
+    def launch(self, view: Any, out: "wp.array[Any]", column: int) -> None:
         """Launch the kernel over all worlds."""
         import warp as wp
 
