@@ -13,6 +13,7 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.collector import round_seeds
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.replay import environment_config
@@ -38,6 +39,7 @@ def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(pol
     action = ActionConfig("default_offset", GO2.action_scale, latency=settings.action.latency)
     settings = replace(settings, action=action, history_length=HISTORY, steps_ahead=AHEAD)
     environment = ImitationEnvironment([clip], settings, "cpu")
+    environment.restart(round_seeds(config.seed, clip.name, 0)[0])
 
     rows = {
         name: torch.stack([torch.from_numpy(one.arrays[name]) for one in dataset.trajectories()]) for name in ARRAYS

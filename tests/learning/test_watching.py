@@ -38,7 +38,8 @@ def clock():
     return SimpleNamespace(now=0.0)
 
 
-def test_the_worlds_are_seen_as_the_recorder_of_rollouts_sees_them(environment, rng, clock):
+def test_the_worlds_are_seen_as_the_recorder_of_rollouts_sees_them(clip, small_config, rng, clock):
+    environment = ImitationEnvironment([clip], small_config, "cpu", record_loads=True)
     env, eyes = ImitationVecEnv(environment), Eyes()
     env.on_step = WorldSampler(env, eyes, 0, lambda: clock.now).step_done
     recorder = RolloutRecorder(environment, SimpleNamespace())
