@@ -160,19 +160,20 @@ def test_rows_are_those_of_the_papers_table_unless_given():
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("changes", "message"),
     [
-        {"seed": -1},
-        {"trajectories": 0},
-        {"rows": 1},
-        {"action_noise_scale": (-1.0, 1.0)},
-        {"warm_up": -0.1},
-        {"max_attempts": 0.5},
-        {"max_foot_slip": 0.0},
+        ({"seed": -1}, "seed is -1; it must be from 0 to"),
+        ({"trajectories": 0}, "trajectories is 0; it must be from 1 to"),
+        ({"rows": 1}, "rows is 1; it must be from 2 to"),
+        ({"action_noise_scale": (-1.0, 1.0)}, r"action_noise_scale is \[-1.0, 1.0\]; it must be from 0 to"),
+        ({"action_noise_scale": (1.0, 0.5)}, "the first must not be above the second"),
+        ({"warm_up": -0.1}, "warm_up is -0.1; it must be from 0 to"),
+        ({"max_attempts": 0.5}, "max_attempts is 0.5; it must be from 1 to"),
+        ({"max_foot_slip": 0.0}, "max_foot_slip is 0.0; it must be positive"),
     ],
 )
-def test_impossible_settings_are_refused(changes):
-    with pytest.raises(DatasetError):
+def test_impossible_settings_are_refused(changes, message):
+    with pytest.raises(Kine2GoError, match=message):
         GatherConfig(**changes)
 
 
