@@ -8,7 +8,7 @@ import zarr
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
-from kine2go_warp.errors import DatasetError, PolicyError
+from kine2go_warp.errors import DatasetError, Kine2GoError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
