@@ -10,23 +10,16 @@ RESERVED = re.compile(r"(?i)(con|nul|aux|prn)(\..*)?|.*\.json")
 LONGEST = 100
 
 
-def name_fault(name: object) -> str:
-    """Return why something cannot be a motion's name, and what to do; empty if it can."""
-    if not isinstance(name, str) or not NAME.fullmatch(name) or len(name) > LONGEST:
-        return (
-            f"{name!r:.120} is no name for a motion; use at most {LONGEST} letters, digits and '_ - .', "
-            "beginning with a letter or digit"
-        )
-    if RESERVED.fullmatch(name):
-        return f"{name!r} is a name that other files have; choose another one for the motion"
-    return ""
-
-
 def check_name(name: object, where: object, kind: type[Kine2GoError]) -> None:
     """Refuse a name that would lead out of a folder, or that terminals and file systems do not take.
 
     Raises:
         Kine2GoError: of the kind given, with the place.
     """
-    if fault := name_fault(name):
-        raise kind(f"{where}: {fault}")
+    if not isinstance(name, str) or not NAME.fullmatch(name) or len(name) > LONGEST:
+        raise kind(
+            f"{where}: {name!r:.120} is no name for a motion; use at most {LONGEST} letters, digits and '_ - .', "
+            "beginning with a letter or digit"
+        )
+    if RESERVED.fullmatch(name):
+        raise kind(f"{where}: {name!r} is a name that other files have; choose another one for the motion")

@@ -41,10 +41,6 @@ class CycleStep:
             position, yaw = turn_planar(-position, -yaw), -yaw
         return CycleStep(float(position[0]), float(position[1]), float(yaw))
 
-    def apply(self, poses: Poses) -> Poses:
-        """Move poses on by this displacement."""
-        return poses.moved(self.x, self.y, self.yaw)
-
 
 def extend_cyclically(poses: Poses, cycle: CycleStep, before: int, after: int) -> Poses:
     """Continue a closed cycle by some frames on either side."""

@@ -18,7 +18,7 @@ class Refused(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in {"kine2go_warp", "kernels", "robots", "newton", "warp", "mujoco_warp", "torch",
                                       "scipy", "xarray", "pandas"}:
-            raise ImportError(f"{name} is not in the environment of somebody who has only the store")
+            raise ImportError(f"{name} is not needed to read and simulate the store")
 
 sys.meta_path.insert(0, Refused())
 sys.argv = sys.argv[1:]

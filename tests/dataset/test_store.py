@@ -122,6 +122,7 @@ def test_a_motion_is_few_files(store):
 
 
 def test_no_object_arrays_and_no_pickles(store):
+    """Case 15-labels-utf32 as well: no text of fixed length."""
     for _, array in zarr.open_group(store / "one", mode="r").arrays():
         assert array.dtype.kind in "fiuT"
         assert array.metadata.to_dict()["data_type"] in {"float32", "float64", "int32", "uint32", "string"}

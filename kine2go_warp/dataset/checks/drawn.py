@@ -178,7 +178,7 @@ def foot_depth(block: Block) -> Array | None:
 
 
 def leg_in_the_air(block: Block) -> Array | None:
-    """Return the height of the lowest thigh or calf where one is said to touch flat ground [m], [n, num_rows]."""
+    """Return the height of the lowest thigh or calf in rows with ``leg_contact`` on flat ground [m], [n, num_rows]."""
     if not block.settings.is_flat:
         return None
     spec, height = block.spec, block["link_position"][..., 2]
@@ -261,7 +261,7 @@ CHECKS = (
     ),
     RowCheck(
         "leg contact", "leg_contact", ("leg_contact", "link_position"),
-        "where a thigh or calf is said to touch the ground, one is near it (flat ground)",
+        "in rows with `leg_contact`, a thigh or calf is near the ground (flat ground)",
         "thighs and calves are above the ground", leg_in_the_air, 0.005, "m",
     ),
 )  # fmt: skip
