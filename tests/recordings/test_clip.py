@@ -23,7 +23,8 @@ def test_the_robot_goes_through_three_cycles_each_moved_on_by_the_displacement(c
     assert np.array_equal(places[: clip.num_frames].astype(np.float32), clip.root_position.astype(np.float32))
     for cycle in range(CYCLES):
         part = slice(cycle * clip.num_frames, (cycle + 1) * clip.num_frames)
-        moved = clip.cycle.repeated(cycle).apply(clip.poses).root_position
+        step = clip.cycle.repeated(cycle)
+        moved = clip.poses.moved(step.x, step.y, step.yaw).root_position
         np.testing.assert_allclose(places[part], moved, atol=1e-5)
 
 
@@ -37,7 +38,8 @@ def test_seams_are_marked_where_a_cycle_begins_again(clip, recorded):
     time, _ = recorded.column("/clip/plots/seam", "Scalars:scalars")
     np.testing.assert_allclose(time, [clip.period, 2 * clip.period], atol=1e-9)
     marks = np.array(recorded.fixed("/clip/ways/seams", "Points3D:positions"))
-    expected = [clip.cycle.repeated(cycle).apply(clip.poses).root_position[0] for cycle in (1, 2)]
+    steps = [clip.cycle.repeated(cycle) for cycle in (1, 2)]
+    expected = [clip.poses.moved(step.x, step.y, step.yaw).root_position[0] for step in steps]
     np.testing.assert_allclose(marks, expected, atol=1e-5)
 
 
