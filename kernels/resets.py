@@ -131,14 +131,17 @@ def draw_episodes(
 
 @wp.kernel
 def choose_episodes(
+    done: wp.array(dtype=wp.int64),
     clips: ReferenceClips,
     placement: Placement,
     clip: wp.array(dtype=int),
     phase: wp.array(dtype=float),
     heading: wp.array(dtype=float),
 ):
-    """Give every world's episode another clip, phase and heading [rad], at the same place on the ground."""
+    """Give episodes of worlds that are done another clip, phase and heading [rad], at the same place on the ground."""
     world = wp.tid()
+    if done[world] == wp.int64(0):
+        return
     frame = frame_at(clips, placement, world, 0.0)
     position = wp.transform_get_translation(reference_root(clips, placement, world, frame))
     place = wp.vec2(position[0], position[1])
@@ -151,13 +154,15 @@ def reset_joints(
     reference_probability: float,
     position_width: float,
     velocity_width: float,
+    scale: wp.array(dtype=float),
     joint_lower: wp.array(dtype=float),
     joint_upper: wp.array(dtype=float),
     queue: wp.array3d(dtype=float),
 ):
     """Put the joints of every world that is done on its reference or in the default pose, perturbed within limits.
 
-    Widths are half those of uniform perturbations [rad, rad/s], ``reference_probability`` the share on the reference.
+    Widths are half those of uniform perturbations [rad, rad/s], times each world's ``scale``, shape [num_worlds];
+    ``reference_probability`` is the share on the reference.
     The target queue is filled with the initial joint positions, so that the motors hold the pose until the first
     action takes effect.
     """
@@ -175,10 +180,10 @@ def reset_joints(
         if on_reference:
             position = interpolate_joint(view.clips, view.clips.joint_position, clip, frame, joint)
             velocity = interpolate_joint(view.clips, view.clips.joint_velocity, clip, frame, joint)
-        position += wp.randf(rng, -position_width, position_width)
+        position += scale[world] * wp.randf(rng, -position_width, position_width)
         position = wp.clamp(position, joint_lower[joint], joint_upper[joint])
         view.robot.joint_q[world, FIRST_JOINT_Q + joint] = position
-        velocity += wp.randf(rng, -velocity_width, velocity_width)
+        velocity += scale[world] * wp.randf(rng, -velocity_width, velocity_width)
         view.robot.joint_qd[world, FIRST_JOINT_QD + joint] = velocity
         view.torque[world, joint] = 0.0
         for slot in range(queue.shape[1]):
@@ -192,12 +197,14 @@ def reset_root(
     tilt_width: float,
     linear_width: float,
     angular_width: float,
+    scale: wp.array(dtype=float),
     warm_start: wp.array2d(dtype=float),
 ):
     """Put the root of every world that is done on its reference, or level above its place, no foot below the floor.
 
-    Launched after ``reset_joints``. Widths are half those of uniform perturbations [rad, m/s, rad/s]. The solver's warm
-    start is cleared: a value that is not finite would poison the new episode.
+    Launched after ``reset_joints``. Widths are half those of uniform perturbations [rad, m/s, rad/s], times each
+    world's ``scale``, shape [num_worlds]. The solver's warm start is cleared: a value that is not finite would poison
+    the new episode.
     """
     world = wp.tid()
     if view.done[world] == wp.int64(0):
@@ -215,7 +222,7 @@ def reset_root(
         position = wp.vec3(position[0], position[1], -1.0e3)
         linear = wp.vec3(0.0, 0.0, 0.0)
         angular = wp.vec3(0.0, 0.0, 0.0)
-    tilt = random_vector(seed, episode, 2, tilt_width)
+    tilt = scale[world] * random_vector(seed, episode, 2, tilt_width)
     rotation = wp.normalize(upright * wp.quat_rpy(tilt[0], tilt[1], 0.0))
     view.robot.joint_q[world, 0] = position[0]
     view.robot.joint_q[world, 1] = position[1]
@@ -225,8 +232,8 @@ def reset_root(
     for axis in range(4):
         view.robot.joint_q[world, 3 + axis] = rotation[axis]
 
-    linear += random_vector(seed, episode, 3, linear_width)
-    angular += random_vector(seed, episode, 4, angular_width)
+    linear += scale[world] * random_vector(seed, episode, 3, linear_width)
+    angular += scale[world] * random_vector(seed, episode, 4, angular_width)
     linear = com_velocity_w(linear, angular, rotation, view.robot.com_b[world])
     for axis in range(3):
         view.robot.joint_qd[world, axis] = linear[axis]

@@ -25,6 +25,8 @@ GRAVITY = 9.81
 CONTACT_FORCE = 1.0
 """A foot that the floor pushes harder than this is in contact [N]: below 1 % of the robot's weight, and above what is
 left of a contact that opens. Slip, recordings and their viewer share it."""
+HARD_PUSH = 0.2
+"""A push that adds more than this to the velocity of the base throws the robot off its reference [m/s]."""
 SATURATION = 0.999
 """A torque above this share of the motor's largest counts as saturated."""
 LIMIT_MARGIN = 0.01
@@ -123,6 +125,21 @@ def joint_rmse(rows: Rows) -> Array:
 def foot_error(rows: Rows) -> NDArray[Any]:
     """Return the distance of each foot from its reference [m], shape [..., num_rows, 4]."""
     return np.linalg.norm(rows["link_position"][..., FOOT_LINKS, :] - rows["reference_foot_position"], axis=-1)
+
+
+def settled_rows(push: NDArray[Any], recovery: NDArray[np.bool_], num_rows: float) -> NDArray[np.bool_]:
+    """Return in which rows a robot should be back at its reference, shape [num_trajectories, num_rows].
+
+    Args:
+        push: Velocity that a push adds right after each row [m/s], shape [num_trajectories, num_rows, 3].
+        recovery: Which trajectories begin off their reference, shape [num_trajectories].
+        num_rows: Rows that it has to come back, from such a beginning and after each hard push on.
+    """
+    is_hard = np.linalg.norm(push, axis=-1) > HARD_PUSH
+    begins = np.concatenate([np.asarray(recovery, bool)[:, None], is_hard[:, :-1]], axis=1)
+    row = np.arange(begins.shape[1])
+    last = np.maximum.accumulate(np.where(begins, row, -np.inf), axis=1)
+    return row - last >= num_rows
 
 
 def tracking_quality(rows: Rows) -> dict[str, NDArray[Any]]:

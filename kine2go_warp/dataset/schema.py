@@ -97,6 +97,17 @@ ROW_ARRAYS = (
 )
 """Arrays with one entry a row, padded with NaN where a trajectory is shorter."""
 
+DIVERSITY_ARRAYS = (
+    ArraySpec("time_scale", ("trajectory",), "1", "duration of the reference over its clip's"),
+    ArraySpec("mirrored", ("trajectory",), "1", "1 where the reference is the clip's mirror image, else 0", "int32"),
+    ArraySpec("speed_offset", ("trajectory",), "m/s", "added to the reference's speed, along its heading"),
+    ArraySpec("turn_offset", ("trajectory",), "rad/s", "added to the reference's yaw rate; heading is that of cycle 0"),
+    ArraySpec("noise_time", ("trajectory",), "s", "correlation time of the noise on the actions; 0: new in every row"),
+    ArraySpec("recovery", ("trajectory",), "1", "1 where the rows begin off the reference, without warm-up", "int32"),
+    ArraySpec("reset_scale", ("trajectory",), "1", "spread of the rollout's first state over the usual one"),
+)
+"""What of a rollout the settings of diversity drew; without any, 1 for scales and 0 for the others."""
+
 TRAJECTORY_ARRAYS = (
     ArraySpec("length", ("trajectory",), "1", "valid rows", "int32"),
     ArraySpec("heading", ("trajectory",), "rad", "turn of the whole reference about the z axis"),
@@ -104,6 +115,7 @@ TRAJECTORY_ARRAYS = (
     ArraySpec("start_phase", ("trajectory",), "1", "place in the cycle where the rollout began, before the trim"),
     ArraySpec("noise", ("trajectory",), "1", "noise on the actions, in standard deviations of the policy"),
     ArraySpec("terminated", ("trajectory",), "1", "1 where it ended early, 0 where it was truncated", "int32"),
+    *DIVERSITY_ARRAYS,
 )
 """How each rollout was drawn."""
 

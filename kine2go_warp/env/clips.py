@@ -44,6 +44,19 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
     return reference
 
 
+def replace_clips(reference: ReferenceClips, clips: Sequence[MotionClip], control_duration: float) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+    """Replace packed clips by as many others with the same frames, where captured graphs read them.
+
+    Args:
+        reference: What ``upload_clips`` has returned.
+        clips: The others.
+        control_duration: Duration of a control step [s].
+    """
+    others = upload_clips(clips, control_duration, reference.root_position.device)
+    for name in ReferenceClips.vars:
+        wp.copy(getattr(reference, name), getattr(others, name))
+
+
 def make_placement(num_worlds: int, device: wp.Device) -> Placement:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
     """Return the place of the reference in each world: clip 0 from its beginning, unturned, on level ground."""
     placement = Placement()

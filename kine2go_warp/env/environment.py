@@ -3,9 +3,11 @@
 import gc
 from collections.abc import Sequence
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from kine2go_warp.env.clips import make_reference_state
+from kine2go_warp.env.clips import make_reference_state, replace_clips
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.episodes import Episodes, EpisodeStart
 from kine2go_warp.env.model import SpecArrays
@@ -18,7 +20,7 @@ from kine2go_warp.env.observations import (
     state_size,
 )
 from kine2go_warp.env.randomization import Randomization
-from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation
+from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation, write_worlds
 from kine2go_warp.env.terrain import build_height_field, terrain_extent
 from kine2go_warp.kernels import observations, resets, terminations
 from kine2go_warp.kernels.reference import sample_reference
@@ -111,10 +113,35 @@ class ImitationEnvironment:
             self._observe()
             self.episodes.done.zero_()
 
+    def begin_episodes(self, worlds: NDArray[np.bool_], starts: EpisodeStart, reset_scale: NDArray[np.float32]) -> None:
+        """Begin new episodes in some worlds, while the others go on as if nothing had happened.
+
+        Args:
+            worlds: Which ones, shape [num_worlds].
+            starts: Where they begin.
+            reset_scale: Spread of the first states, as a multiple of that of the settings, shape [num_worlds].
+        """
+        with wp.ScopedDevice(self.device):
+            self.reset_scale.assign(reset_scale)
+            self.episodes.done.assign(worlds.astype(np.int64))
+            self._reset_worlds(starts)
+            self._observe()
+            self.episodes.done.zero_()
+            position = self.robot.joint_q.numpy()[:, 7:]
+            write_worlds(self.motors.model.friction_anchor, worlds, position)
+            self.simulation.rest(worlds, position)
+
+    def replace_clips(self, clips: Sequence[MotionClip]) -> None:
+        """Track as many other clips, with the same numbers of frames, from the next episodes on."""
+        with wp.ScopedDevice(self.device):
+            replace_clips(self.episodes.clips, clips, self.config.control_duration)
+        self.clips = tuple(clips)
+
     def _build_buffers(self) -> None:
         """Allocate what the policy writes and reads."""
         config, num_worlds = self.config, self.num_worlds
         self.reference = make_reference_state(num_worlds, self.device)
+        self.reset_scale = wp.full(num_worlds, 1.0, dtype=float)
         self.action = wp.zeros((num_worlds, NUM_JOINTS), dtype=float)
         self.last_action = wp.zeros((num_worlds, NUM_JOINTS), dtype=float)
         self.rewards = config.active_rewards
@@ -217,11 +244,12 @@ class ImitationEnvironment:
         if starts is not None:
             episodes.set_starts(starts)
         self.randomization.reset(view)
-        widths = [settings.reference_probability, settings.joint_position, settings.joint_velocity]
+        widths = [settings.reference_probability, settings.joint_position, settings.joint_velocity, self.reset_scale]
         inputs = [view, *widths, constants.joint_lower, constants.joint_upper, self.motors.target_queue]
         wp.launch(resets.reset_joints, dim=self.num_worlds, inputs=inputs)
         widths = [settings.reference_probability, settings.tilt, settings.linear_velocity, settings.angular_velocity]
-        wp.launch(resets.reset_root, dim=self.num_worlds, inputs=[view, *widths, self.simulation.warm_start])
+        inputs = [view, *widths, self.reset_scale, self.simulation.warm_start]
+        wp.launch(resets.reset_root, dim=self.num_worlds, inputs=inputs)
         wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=[view])
 
     def _observe(self) -> None:

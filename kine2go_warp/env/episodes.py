@@ -102,7 +102,7 @@ class Episodes:
     def set_starts(self, starts: EpisodeStart) -> None:
         """Begin the episodes that have just been drawn elsewhere in the clips."""
         chosen = [wp.array(starts.clip, dtype=int), wp.array(starts.phase, dtype=float)]
-        inputs = [self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
+        inputs = [self.done, self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
         wp.launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)
 
 

@@ -4,7 +4,9 @@ from typing import Any
 
 import mujoco_warp
 import newton
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.model import (
@@ -104,6 +106,20 @@ class Simulation:
             for name in StepLoads.vars:
                 getattr(self.loads, name).zero_()
 
+    def rest(self, worlds: NDArray[np.bool_], joint_position: NDArray[np.float32]) -> None:
+        """Let robots that were put elsewhere bear nothing yet, with motors that hold their joints.
+
+        Args:
+            worlds: Which ones, shape [num_worlds].
+            joint_position: Of all worlds [rad], shape [num_worlds, 12].
+        """
+        write_worlds(self.leg_contact, worlds, np.zeros(self.num_worlds))
+        if self.loads is not None:
+            for name in StepLoads.vars:
+                array = getattr(self.loads, name)
+                values = joint_position if name == "applied_target" else np.zeros_like(array.numpy())
+                write_worlds(array, worlds, values)
+
     def collect_contacts(self) -> None:
         """Read foot forces and other contacts of the last substep."""
         data = self.data
@@ -128,6 +144,11 @@ class Simulation:
     def inertia_changed(self) -> None:
         """Tell the solver that masses in the model have changed."""
         self.solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+
+
+def write_worlds(array: wp.array[Any], worlds: NDArray[np.bool_], values: NDArray[Any]) -> None:
+    """Write the values of some worlds, given by a mask; both arrays have all worlds along their first axis."""
+    array.assign(np.where(worlds.reshape(-1, *(1,) * (values.ndim - 1)), values, array.numpy()))
 
 
 def make_loads(num_worlds: int) -> StepLoads:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
 from kine2go_warp.dataset.trajectories import Groups
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.episodes import EpisodeStart
 from kine2go_warp.env.snapshot import WorldSnapshot
 from kine2go_warp.env.terrain import terrain_extent
 from kine2go_warp.learning.inference import NoisyPolicy
@@ -24,6 +25,7 @@ from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import GatherConfig, ProgressCallback
+from kine2go_warp.rollouts.diversity import variations
 from kine2go_warp.rollouts.quality import FilterResult, filter_rollouts
 from kine2go_warp.rollouts.rollout import RecordedRollouts, roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
@@ -154,7 +156,7 @@ class RolloutCollector:
             policy: The policy.
             record: Its settings.
             clip: What it tracks.
-            config: Settings, the number of rows included.
+            config: Settings, with nothing left open.
             device: Where to simulate.
             folder: For the rows, until they are in the dataset.
             fault_folder: If given, stop at the first fault of the simulation and save its state here.
@@ -162,9 +164,12 @@ class RolloutCollector:
         assert config.rows is not None
         self.config, self.num_rows, self.folder, self.motion = config, config.rows, folder, clip.name
         share_stream(device)
+        self.clip = clip
         settings = config.environment(record.preset.env, config.rows, config.worlds(device))
-        self.environment = ImitationEnvironment([clip], settings, device, record_loads=True)
-        self.ground_reach = terrain_extent([clip], settings)
+        # A reference of its own for every world; the ground must hold the fastest.
+        clips = [config.diversity.fastest.of(clip)] * (settings.num_worlds if config.diversity.varies_reference else 1)
+        self.environment = ImitationEnvironment(clips, settings, device, record_loads=True)
+        self.ground_reach = terrain_extent(clips[:1], settings)
         self.env = ImitationVecEnv(self.environment, fault_folder)
         self.actor = NoisyPolicy(self.env, record.preset, policy.latest_checkpoint(), config.seed)
         self.batches: list[RolloutBatch] = []
@@ -227,11 +232,15 @@ class RolloutCollector:
         self.actor.generator.manual_seed(actions)
         rng = np.random.default_rng(scales)
         noise = rng.uniform(*config.action_noise_scale, environment.num_worlds).astype(np.float32)
+        drawn = config.diversity.draw(rng, environment.num_worlds)
+        starts = self._vary(worlds, drawn)
         seeds = environment.episodes.seed.numpy().copy()
         writer = self._writers.enter_context(AsyncRowWriter(self.folder / f"batch-{number}"))
         groups: Groups = {}
 
         def first_row() -> None:
+            if drawn["recovery"].any():
+                environment.begin_episodes(drawn["recovery"] > 0, starts, drawn["reset_scale"])
             groups.update(randomization=environment.randomization.parameters(), initial_state=self._initial_state())
 
         def progressed(_: int) -> None:
@@ -255,24 +264,46 @@ class RolloutCollector:
             "seed": seeds,
             "noise": noise,
             "terminated": (recorded.failure != "").astype(np.int32),
+            **drawn,
         }
         seconds = time.perf_counter() - started
-        result = self._filter(recorded)
+        result = self._filter(recorded, drawn["recovery"] > 0)
         groups.update(quality=result.quality, final_state=recorded.final)
         return RolloutBatch(recorded, draws, groups, result, seconds, writer.num_bytes, writer.waited)
+
+    def _vary(self, worlds: int, drawn: dict[str, NDArray[Any]]) -> EpisodeStart:
+        """Let references and policy differ as drawn, and return where the rollouts begin.
+
+        Args:
+            worlds: Seed of the worlds, which have just begun with it.
+            drawn: Arrays of ``DIVERSITY_ARRAYS``.
+        """
+        environment, placement = self.environment, self.environment.episodes.placement
+        is_varied = self.config.diversity.varies_reference
+        clips = np.arange(environment.num_worlds, dtype=np.int32) if is_varied else placement.clip.numpy().copy()
+        starts = EpisodeStart(clips, placement.start_phase.numpy().copy(), placement.heading.numpy().copy())
+        if is_varied:
+            environment.replace_clips([variation.of(self.clip) for variation in variations(drawn)])
+            environment.restart(worlds, starts)
+        duration, times = environment.config.control_duration, drawn["noise_time"].astype(np.float64)
+        persistence = np.exp(-duration / np.maximum(times, 1e-9)).astype(np.float32)
+        self.actor.vary(*(torch.from_numpy(values[:, None]) for values in (drawn["mirrored"], persistence)))
+        return starts
 
     def _initial_state(self) -> dict[str, NDArray[Any]]:
         """Return what simulator and motors need to go on from here."""
         snapshot = WorldSnapshot.take(self.environment)
         return {array.name: snapshot.arrays[array.name] for array in INITIAL_STATE_ARRAYS}
 
-    def _filter(self, recorded: RecordedRollouts) -> FilterResult:
+    def _filter(self, recorded: RecordedRollouts, recovery: NDArray[np.bool_]) -> FilterResult:
         """Filter a batch, a few rollouts at a time."""
         parts, frame_duration = [], self.environment.config.control_duration
         for first in range(0, len(recorded.length), FILTERED_AT_ONCE):
             worlds = np.arange(first, min(first + FILTERED_AT_ONCE, len(recorded.length)))
             rows, failures = recorded.rows(worlds), recorded.failure[worlds]
-            parts.append(filter_rollouts(rows, failures, self.config, frame_duration, self.environment.spec))
+            parts.append(
+                filter_rollouts(rows, failures, self.config, frame_duration, self.environment.spec, recovery[worlds])
+            )
         quality = {name: np.concatenate([part.quality[name] for part in parts]) for name in parts[0].quality}
         return FilterResult(tuple(reason for part in parts for reason in part.reasons), quality)
 

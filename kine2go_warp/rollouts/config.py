@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, ResetConfig
-from kine2go_warp.env.terms.randomization import RandomizationTerm, check_randomization, randomized
+from kine2go_warp.env.terms.randomization import RandomizationTerm, active, check_randomization, randomized
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import DatasetError
+from kine2go_warp.rollouts.diversity import DiversitySettings
 from kine2go_warp.settings import check_ranges
 
 ProgressCallback = Callable[[int, int, str], None]
@@ -65,6 +66,8 @@ class GatherConfig:
     """Greatest depth of a leg in another one, the trunk or the head [m]."""
     randomization: tuple[RandomizationTerm, ...] = MILD
     """What differs between the rollouts."""
+    diversity: DiversitySettings = field(default_factory=DiversitySettings)
+    """What else differs, on purpose."""
 
     def __post_init__(self) -> None:
         check_ranges(
@@ -92,8 +95,13 @@ class GatherConfig:
     def environment(self, trained: EnvConfig, rows: int, num_worlds: int) -> EnvConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
-        limits = (self.max_distance, self.max_angle)
-        return rollout_environment(trained, num_worlds, self.seed, time, limits, self.randomization)
+        diversity = self.diversity.resolved()
+        scale, speed = diversity.recovery_limit_scale or 1.0, diversity.push_speed
+        limits = (scale * self.max_distance, scale * self.max_angle)
+        drawn = self.randomization
+        if speed is not None and active(drawn, "push_speed"):
+            drawn = randomized(drawn, push_speed=speed)
+        return rollout_environment(trained, num_worlds, self.seed, time, limits, drawn)
 
 
 def rollout_environment(

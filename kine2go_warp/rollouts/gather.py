@@ -78,7 +78,7 @@ def gather(
     """
     record = policy.read_record()
     clip = chosen_clip(policy, record, motion)
-    config = with_rows(config, clip.name)
+    config = resolve_settings(config, clip.name)
     fingerprint = gather_fingerprint(policy, config)
     env = record.preset.env
     simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
@@ -176,12 +176,11 @@ def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str,
     }
 
 
-def with_rows(config: GatherConfig, motion: str) -> GatherConfig:
-    """Return the settings with a number of rows: that of the catalogue where none is given."""
-    if config.rows is not None:
-        return config
+def resolve_settings(config: GatherConfig, motion: str) -> GatherConfig:
+    """Return the settings with what they leave open: the catalogue's number of rows, and what the level says."""
     entry = load_catalogue().get(motion)
-    return replace(config, rows=entry.length if entry is not None else DEFAULT_ROWS)
+    rows = config.rows or (entry.length if entry is not None else DEFAULT_ROWS)
+    return replace(config, rows=rows, diversity=config.diversity.resolved())
 
 
 def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:

@@ -56,10 +56,35 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
     }
 
 
+def rows_to_judge(rows: Rows, config: GatherConfig, frame_duration: float, recovery: NDArray[np.bool_] | None) -> Rows:
+    """Return the rows with NaN where a robot is still on its way back; all of them where nothing else is left."""
+    time = config.diversity.resolved().recovery_time
+    if not time:
+        return rows
+    count = len(rows["push"])
+    settled = metrics.settled_rows(
+        rows["push"], np.zeros(count, bool) if recovery is None else recovery, round(time / frame_duration)
+    )
+    settled |= ~(settled & np.isfinite(rows["push"][..., 0])).any(axis=1, keepdims=True)
+    shape = settled.shape
+    return {
+        name: np.where(settled.reshape(*shape, *(1,) * (values.ndim - 2)), values, np.nan)
+        for name, values in rows.items()
+    }
+
+
 def filter_rollouts(
-    rows: Rows, failures: NDArray[Any], config: GatherConfig, frame_duration: float, spec: RobotSpec
+    rows: Rows,
+    failures: NDArray[Any],
+    config: GatherConfig,
+    frame_duration: float,
+    spec: RobotSpec,
+    recovery: NDArray[np.bool_] | None = None,
 ) -> FilterResult:
     """Decide which rollouts are good enough, and for which reason the others are rejected.
+
+    The metrics are those of all rows. What is judged are the rows in which a robot should be back at its reference, but
+    for legs in one another, which no row may have.
 
     Args:
         rows: Rows as in the dataset, NaN beyond each trajectory's length.
@@ -67,12 +92,16 @@ def filter_rollouts(
         config: The limits.
         frame_duration: Time between two rows [s].
         spec: The robot.
+        recovery: Which rollouts begin off their reference, shape [num_trajectories]; by default none.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # A rollout that failed at once has no rows: its metrics are NaN, and its reason is known.
         warnings.simplefilter("ignore")
         quality = rollout_quality(rows, frame_duration, spec)
-    shares = {one.name: quality[one.name] / getattr(config, one.setting) for one in FILTER_METRICS}
+        judged = rows_to_judge(rows, config, frame_duration, recovery)
+        settled = quality if judged is rows else rollout_quality(judged, frame_duration, spec)
+    settled["leg_overlap"] = quality["leg_overlap"]
+    shares = {one.name: settled[one.name] / getattr(config, one.setting) for one in FILTER_METRICS}
     quality["worst_limit_ratio"] = np.max(np.stack(list(shares.values())), axis=0)
     reasons = []
     for index, failure in enumerate(failures):

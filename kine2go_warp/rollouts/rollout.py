@@ -98,7 +98,7 @@ def roll_out(
         num_rows: Rows of a rollout that does not fail.
         writer: Where rows are written; it is closed at the end, and the rollouts are read from its files.
         warm_up: Control steps before the first row. A rollout that fails within them has no rows.
-        on_first_row: Called after the warm-up, before the first row is recorded.
+        on_first_row: Called after the warm-up, before the first row is recorded; it may put worlds into other states.
         on_progress: Called now and then with the control steps done, the warm-up included.
 
     Raises:
@@ -113,6 +113,7 @@ def roll_out(
     for step in range(warm_up + num_rows):
         if step == warm_up and on_first_row is not None:
             on_first_row()
+            observation = env.get_observations()
         mean, action = actor(observation, noise)
         if step >= warm_up:
             recorder.record_state(mean)

@@ -26,7 +26,7 @@ class GatherStage:
 
     def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the policy's content, that of its clip, and the settings."""
-        from kine2go_warp.rollouts.gather import with_rows
+        from kine2go_warp.rollouts.gather import resolve_settings
 
         return {
             "version": 1,
@@ -34,7 +34,7 @@ class GatherStage:
             "clip": upstream["retarget"].record.output,
             "robot_model": job.robot.model_hash,
             **robot_inputs(job),
-            "settings": to_dictionary(with_rows(job.recipe.gather, job.motion)),
+            "settings": to_dictionary(resolve_settings(job.recipe.gather, job.motion)),
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:

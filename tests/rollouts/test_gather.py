@@ -13,7 +13,7 @@ from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.rollouts.gather import gather, with_rows
+from kine2go_warp.rollouts.gather import gather, resolve_settings
 from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 
@@ -153,10 +153,10 @@ def test_rollouts_whose_joints_are_off_are_rejected_with_a_reason(policy, tmp_pa
 
 def test_rows_are_those_of_the_papers_table_unless_given():
     config = GatherConfig()
-    assert with_rows(config, "ai4_dog_synth_circle_walk").rows == 1171
-    assert with_rows(config, "ai4_dog_synth_half_flip_jump").rows == 300
-    assert with_rows(config, "my_own_clip").rows == 571
-    assert with_rows(replace(config, rows=40), "ai4_dog_pace").rows == 40
+    assert resolve_settings(config, "ai4_dog_synth_circle_walk").rows == 1171
+    assert resolve_settings(config, "ai4_dog_synth_half_flip_jump").rows == 300
+    assert resolve_settings(config, "my_own_clip").rows == 571
+    assert resolve_settings(replace(config, rows=40), "ai4_dog_pace").rows == 40
 
 
 @pytest.mark.parametrize(
