@@ -28,6 +28,8 @@ from kine2go_warp.dataset.torch_windows import Batch, WindowLoader
 from kine2go_warp.device import start_warp
 from kine2go_warp.env.config import ActionConfig, EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.terms.randomization import randomized
+from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import DatasetError, Kine2GoError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.inference import NoisyPolicy
@@ -45,6 +47,8 @@ HISTORY = 3
 """States that the clone sees, each with the action before it: an action takes 20 ms, longer than a row, to act."""
 AHEAD = (1, 2, 10)
 """Rows from now whose reference the clone sees."""
+LOST = (1.0, 1.0)
+"""Distance [m] and angle [rad] from the reference from which a pushed robot does not count as coming back."""
 NOW, WINDOW = HISTORY, HISTORY + 1 + max(AHEAD)
 """Place of the present row in a window, with a row before the oldest state for its action; and length of a window."""
 
@@ -70,6 +74,9 @@ class Settings:
     """How long a rollout has to last, after the warm-up that the dataset leaves out [s]."""
     seed: int = 12345
     """Of training and comparison; another one than that of the data, so that the worlds are new."""
+    push_speed: float | None = None
+    """Push the robots at this speed [m/s] in the comparison, instead of as in the dataset. A robot is lost then when it
+    is farther than 1 m or turned by more than 1 rad from its reference."""
     json: Path | None = None
     """Write the metrics to this file, too."""
 
@@ -78,6 +85,8 @@ class Settings:
             self.trajectories is not None and self.trajectories < 1
         ):
             raise Kine2GoError("trajectories, batches, worlds and duration must be positive")
+        if self.push_speed is not None and self.push_speed < 0:
+            raise Kine2GoError(f"push_speed is {self.push_speed}; it must be at least 0")
 
 
 def rotation_matrix(orientation: Tensor) -> Tensor:
@@ -198,6 +207,9 @@ def compare(
     """Let original and clone walk in the same new worlds, drawn as those of the dataset; return their metrics."""
     warm_up, rows = (round(time * config.control_rate) for time in (gathered["warm_up"], settings.duration))
     config = replace(config, num_worlds=settings.worlds, seed=settings.seed)
+    if settings.push_speed is not None:
+        drawn = randomized(config.randomization, push_speed=(settings.push_speed, settings.push_speed))
+        config = replace(config, randomization=drawn, terminations=with_limits(*LOST, config.terminations))
     config = replace(config, episode_time=(warm_up + rows + 2) / config.control_rate)
     # The output of this form is the dataset's action, so the environment's last output is the action before.
     action = ActionConfig("default_offset", GO2.action_scale, latency=config.action.latency)

@@ -10,7 +10,7 @@ from kine2go_warp.cli.data import DatasetPath
 
 @dataclass(frozen=True)
 class Quality:
-    """Show the quality metrics of a dataset's rollouts against the limits that they were filtered by."""
+    """Show how good a dataset's rollouts are against the limits of the filter, and what states they cover."""
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
@@ -24,6 +24,7 @@ class Quality:
         from kine2go_warp.cli.tables import print_distributions
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checked import check_note
+        from kine2go_warp.scores.coverage import measure_coverage
         from kine2go_warp.scores.distributions import distributions, draw_distributions
         from kine2go_warp.scores.report import review_note, scored_motions
 
@@ -32,6 +33,7 @@ class Quality:
         found = {name: distributions(self.dataset, name) for name in names}
         for name, metrics in found.items():
             print_distributions(name, metrics, dataset.motion(name).attributes)
+            print(f"coverage: {measure_coverage(dataset.load(name))}")
         for note in (review_note(dataset, self.motions), check_note(self.dataset, names)):
             if note:
                 print(f"{self.dataset}: {note}")

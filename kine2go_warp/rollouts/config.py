@@ -96,7 +96,7 @@ class GatherConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
         diversity = self.diversity.resolved()
-        scale, speed = diversity.recovery_limit_scale or 1.0, diversity.push_speed
+        scale, speed = diversity.recovery_limit_scale or 1.0, diversity.hard_push_speed
         limits = (scale * self.max_distance, scale * self.max_angle)
         drawn = self.randomization
         if speed is not None and active(drawn, "push_speed"):

@@ -36,7 +36,7 @@ class DiversitySettings:
     """Share of rollouts whose rows begin off the reference, without the warm-up."""
     reset_scale: Range | None = None
     """How far off these begin, as a multiple of the spread of other first states."""
-    push_speed: Range | None = None
+    hard_push_speed: Range | None = None
     """Speed of pushes [m/s], instead of what [gather.randomization] says."""
     recovery_time: float | None = None
     """Time after such a beginning or a hard push for which the limits of tracking do not count [s]."""
@@ -53,7 +53,7 @@ class DiversitySettings:
             noise_time=(0, 2),
             recovery=(0, 1),
             reset_scale=(1, 20),
-            push_speed=(0, 5),
+            hard_push_speed=(0, 5),
             recovery_time=(0, 60),
             recovery_limit_scale=(1, 10),
         )
@@ -103,16 +103,16 @@ LEVELS = {
     ),
     "cloning": DiversitySettings(
         "cloning", time_scale=(1.0, 1.0), mirrored=0.0, speed_offset=(0.0, 0.0), turn_offset=(0.0, 0.0),
-        noise_time=(0.0, 0.1), recovery=0.3, reset_scale=(2.0, 6.0), push_speed=(0.0, 0.6), recovery_time=1.5,
+        noise_time=(0.0, 0.1), recovery=0.3, reset_scale=(2.0, 6.0), hard_push_speed=(0.0, 0.6), recovery_time=1.5,
         recovery_limit_scale=1.5,
     ),
     "wide": DiversitySettings(
         "wide", time_scale=(0.85, 1.15), mirrored=0.5, speed_offset=(-0.1, 0.1), turn_offset=(-0.2, 0.2),
-        noise_time=(0.0, 0.1), recovery=0.3, reset_scale=(2.0, 6.0), push_speed=(0.0, 0.8), recovery_time=1.5,
+        noise_time=(0.0, 0.1), recovery=0.3, reset_scale=(2.0, 6.0), hard_push_speed=(0.0, 0.8), recovery_time=1.5,
         recovery_limit_scale=1.5,
     ),
 }  # fmt: skip
-"""Values of each level; no ``push_speed`` leaves that of [gather.randomization]."""
+"""Values of each level; no ``hard_push_speed`` leaves that of [gather.randomization]."""
 
 UNVARIED = tuple(getattr(LEVELS["paper"], one.name) for one in fields(Variation))
 

@@ -30,6 +30,10 @@ class Coverage:
     within: float
     """The same to the nearest row of its own, half a cycle away or more [rad]; NaN where there is none."""
 
+    def __str__(self) -> str:
+        nearest = f"nearest row of another trajectory {self.across:.4f} rad, of the same one {self.within:.4f} rad"
+        return f"{100.0 * self.variance_share:.1f} % of the joints' variance is around the cycle; {nearest}"
+
 
 def measure_coverage(data: MotionData) -> Coverage:
     """Return the coverage of a motion's trajectories.

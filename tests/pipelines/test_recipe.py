@@ -43,6 +43,9 @@ def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():
         ("name = 'a'\nmotions = ['b']\n[train.env]\nseed = 1\n[gather]\nrows = 'many'", r"line 6, \[gather\].*rows"),
         ("name = 'a'\nmotions = ['dog_trot']\n[gather]\nrows = 1", r"line 4, \[gather\]: rows is 1; it must be from 2"),
         ("name = 'a'\nmotions = ['b']\n[gather.randomization]\nfrction = [1, 2]", "unknown key.*randomization.frction"),
+        ("name = 'a'\nmotions = ['b']\n[gather.diversity]\nlevel = 'huge'", "line 4.*huge.*paper, cloning, wide"),
+        ("name = 'a'\nmotions = ['b']\n[gather.diversity]\nmirored = 0.5", "line 4.*unknown key.*diversity.mirrored"),
+        ("name = 'a'\nmotions = ['b']\n[gather.diversity]\ntime_scale = [0.1, 1]", "line 4.*time_scale is .*from 0.5"),
         ("name = 'a'\nmotions = ['dog_trot']\n[record]\ntrajectories = 'all'", "line 4.*record.trajectories"),
         ("name = 'a'\nmotions =\n", "cannot be read as TOML.*line 2"),
     ],
@@ -53,6 +56,13 @@ def test_a_wrong_recipe_is_refused_with_file_line_and_key(tmp_path, text, messag
     with pytest.raises(RecipeError, match=message) as error:
         load_recipe(path)
     assert str(path) in str(error.value)
+
+
+def test_a_level_of_diversity_may_have_single_values_replaced(tmp_path):
+    path = tmp_path / "recipe.toml"
+    path.write_text("name = 'a'\nmotions = ['dog_trot']\n[gather.diversity]\nlevel = 'wide'\nmirrored = 0.0")
+    diversity = load_recipe(path).gather.diversity.resolved()
+    assert (diversity.mirrored, diversity.time_scale) == (0.0, (0.85, 1.15))
 
 
 def test_a_missing_recipe_lists_the_bundled_ones():

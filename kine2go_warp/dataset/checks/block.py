@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.schema import RewardSettings, reward_settings
+from kine2go_warp.dataset.schema import DIVERSITY_ARRAYS, RewardSettings, reward_settings
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import MotorLimits
 
 Array = NDArray[np.float64]
+
+DIVERSITY = ("gather_settings", "diversity")
+"""Where the attributes of a motion have the settings of diversity."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,12 @@ class Settings:
     """Standard deviations of the policy's actions, one a joint."""
     noise: tuple[float, float] | None
     """Least and greatest noise on the actions, in standard deviations."""
+    diversity: Mapping[str, tuple[float, float]]
+    """Least and greatest value of each of ``DIVERSITY_ARRAYS`` that the settings give a range."""
+    recovery_time: float
+    """Time after a beginning off the reference or a hard push for which the limits of tracking do not count [s]."""
+    recovery_limit_scale: float
+    """Distance and angle that are accepted within that time, as a multiple of their limits."""
     max_distance: float | None
     """Farthest that a root of an accepted rollout is from its reference [m]."""
     max_angle: float | None
@@ -83,6 +92,9 @@ class Settings:
             warm_up=gathering("warm_up"),
             policy_std=numbers(motion, "policy_std"),
             noise=pair(motion, "gather_settings", "action_noise_scale"),
+            diversity={one.name: found for one in DIVERSITY_ARRAYS if (found := pair(motion, *DIVERSITY, one.name))},
+            recovery_time=number(motion, *DIVERSITY, "recovery_time") or 0.0,
+            recovery_limit_scale=number(motion, *DIVERSITY, "recovery_limit_scale") or 1.0,
             max_distance=gathering("max_distance"),
             max_angle=gathering("max_angle"),
             max_joint_rmse=gathering("max_joint_rmse"),

@@ -21,6 +21,18 @@ def action_error(block: Block) -> Array:
     return largest(np.abs(block["action"] - expected), 2)
 
 
+def fresh_noise(block: Block) -> Array:
+    """Return the noise of actions less what that of the row before foretells, of the same variance; shape of actions.
+
+    What is left is independent from row to row, whatever ``noise_time`` is.
+    """
+    noise = block["action"] - block["action_mean"]
+    time = np.maximum(block["noise_time"] * (block.settings.control_frequency or np.nan), 1e-9)
+    kept = np.nan_to_num(np.exp(-1.0 / time))[:, None, None]
+    fresh = (noise[:, 1:] - kept * noise[:, :-1]) / np.sqrt(1.0 - kept**2)
+    return np.concatenate([noise[:, :1], fresh], axis=1)
+
+
 def noise_mean(block: Block) -> Array | None:
     """Return the largest mean of an action's noise, in standard errors, shape [n].
 
@@ -28,7 +40,7 @@ def noise_mean(block: Block) -> Array | None:
     """
     if "noise" not in block:
         return None
-    noise = np.moveaxis(block["action"] - block["action_mean"], -1, 1)
+    noise = np.moveaxis(fresh_noise(block), -1, 1)
     rows = (~np.isnan(noise)).sum(axis=-1)
     centre = mean(noise, 2)
     spread = root_mean_square(noise - centre[..., None], 2)
@@ -124,7 +136,7 @@ CHECKS = (
         action_error, 1e-4,
     ),
     RowCheck(
-        "action noise", "action_mean", ("action", "action_mean"),
+        "action noise", "action_mean", ("action", "action_mean", "noise_time"),
         "actions scatter evenly about action_mean", "the actions' mean is off", noise_mean, 6.5, "standard errors",
     ),
     RowCheck(

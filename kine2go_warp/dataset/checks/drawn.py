@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
-from kine2go_warp.dataset.checks.commands import SHORTEST_SAMPLE, latency_rows
+from kine2go_warp.dataset.checks.commands import SHORTEST_SAMPLE, fresh_noise, latency_rows
 from kine2go_warp.dataset.checks.dynamics import FLOOR, PAIRS
 from kine2go_warp.dataset.checks.kinematics import CLEARANCE, GRAVITY, SHORTEST_WEIGHING
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.statistics import largest, mean, median, root_mean_square
 from kine2go_warp.metrics import CONTACT_FORCE
-from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
+from kine2go_warp.quantities import RANDOMIZED_PARAMETERS, mirrored
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array | None]
@@ -113,7 +113,11 @@ def noise_level_error(block: Block) -> Array | None:
     deviation = block.settings.policy_std
     if deviation is None or len(deviation) != block["action"].shape[-1]:
         return None
-    noise = (block["action"] - block["action_mean"]) / np.array(deviation)
+    places, _ = mirrored(("joint",), "angle")
+    each = np.array(deviation)
+    of_mirrored = each[list(places)] if len(each) == len(places) else each
+    deviations = np.where(block["mirrored"][:, None, None] > 0.0, of_mirrored, each)
+    noise = fresh_noise(block) / deviations
     rows = (~np.isnan(noise[..., 0])).sum(axis=-1)
     level = root_mean_square(noise, 1) / block["noise"]
     return np.where((rows >= SHORTEST_SAMPLE) & (block["noise"] > 0.0), np.abs(level - 1.0), np.nan)
@@ -227,7 +231,7 @@ CHECKS = (
         for one in RANDOMIZED_PARAMETERS
     ),
     RowCheck(
-        "noise level", "noise", ("noise", "action", "action_mean"),
+        "noise level", "noise", ("noise", "action", "action_mean", "noise_time", "mirrored"),
         "action noise spreads as policy_std times noise say", "the spread of the action noise is off",
         noise_level_error, 0.25, "of itself",
     ),

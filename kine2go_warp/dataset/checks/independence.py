@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
+from kine2go_warp.dataset.checks.commands import fresh_noise
 from kine2go_warp.dataset.checks.records import Check, Finding
 
 UNTURNED = ("joint_position", "joint_velocity", "action")
@@ -82,9 +83,9 @@ def trajectories(motion: str, block: Block) -> Iterator[tuple[int, str]]:
 
 def noise_of(block: Block) -> Iterator[tuple[int, NDArray[np.float32]]]:
     """Yield the place of each trajectory in a block whose actions are noisy, and its first noise, of length 1."""
-    if "action" not in block or "action_mean" not in block:
+    if any(name not in block for name in ("action", "action_mean", "noise_time")):
         return
-    noise = np.nan_to_num(block["action"][:, :NOISE_ROWS] - block["action_mean"][:, :NOISE_ROWS])
+    noise = np.nan_to_num(fresh_noise(block)[:, :NOISE_ROWS])
     for number, one in enumerate(noise):
         size = float(np.linalg.norm(one))
         if (one != 0.0).any(axis=-1).sum() >= FEWEST_ROWS and np.isfinite(size):

@@ -74,9 +74,14 @@ def turns(block: Block) -> Array:
     return block["cycle"] + block["phase"]
 
 
+def paces(block: Block) -> Array:
+    """Return the cycles of the clip's own pace that pass in each row, shape [num_trajectories, num_rows - 1]."""
+    return np.diff(turns(block), axis=1) * block["time_scale"][:, None]
+
+
 def advance(block: Block) -> Array:
-    """Return the cycles that pass in a row, shape [1]: the median over all rows."""
-    return median(np.diff(turns(block), axis=1)[None], 1)
+    """Return the cycles that pass in a row at the clip's own pace, shape [1]: the median over all rows."""
+    return median(paces(block)[None], 1)
 
 
 def backward_steps(block: Block) -> Array:
@@ -86,16 +91,19 @@ def backward_steps(block: Block) -> Array:
 
 def uneven_steps(block: Block) -> Array:
     """Return how far a step of the reference is from the usual one [cycles], shape [num_trajectories, num_rows - 1]."""
-    return np.abs(np.diff(turns(block), axis=1) - advance(block))
+    return np.abs(paces(block) - advance(block))
 
 
 def start_error(block: Block) -> Array | None:
-    """Return how far the first row is from where the drawn phase leads during the warm-up [cycles], shape [n]."""
+    """Return how far the first row is from where the drawn phase leads during the warm-up [cycles], shape [n].
+
+    Trajectories that begin off their reference have no warm-up.
+    """
     settings = block.settings
     if settings.warm_up is None or settings.control_frequency is None:
         return None
-    rows = round(settings.warm_up * settings.control_frequency)
-    return np.abs(turns(block)[:, 0] - block["start_phase"] - rows * advance(block))
+    rows = np.where(block["recovery"] > 0.0, 0, round(settings.warm_up * settings.control_frequency))
+    return np.abs(turns(block)[:, 0] - block["start_phase"] - rows * advance(block) / block["time_scale"])
 
 
 def outside(name: str, low: float, high: float) -> Measure:
@@ -111,6 +119,25 @@ def noise_error(block: Block) -> Array | None:
     return np.maximum(np.maximum(low - block["noise"], block["noise"] - high), 0.0)
 
 
+def diversity_error(name: str) -> Measure:
+    """Return a measure of how far a draw is outside the range of the settings of diversity."""
+
+    def measure(block: Block) -> Array | None:
+        if name not in block.settings.diversity:
+            return None
+        low, high = block.settings.diversity[name]
+        inside = outside(name, low, high)(block)
+        return np.where(block["recovery"] > 0.0, inside, np.abs(block[name] - 1.0)) if name == "reset_scale" else inside
+
+    return measure
+
+
+def flag_error(name: str) -> Measure:
+    """Return a measure of how far a flag is from 0 and 1."""
+    return lambda block: np.minimum(np.abs(block[name]), np.abs(block[name] - 1.0))
+
+
+DRAWN_RANGES = ("time_scale", "speed_offset", "turn_offset", "noise_time", "reset_scale")
 QUATERNIONS = tuple(array.name for array in ROW_ARRAYS if "quaternion" in array.dims)
 TURNS = ("phase", "cycle")
 
@@ -162,13 +189,13 @@ CHECKS = (
         "cycle + phase never goes backwards", "the reference goes backwards", backward_steps, 0.0, "cycles",
     ),
     RowCheck(
-        "even phase", "phase", TURNS,
-        "cycle + phase grows by the same amount in every row of every trajectory", "the reference's pace is off",
-        uneven_steps, 2e-5, "cycles",
+        "even phase", "phase", (*TURNS, "time_scale"),
+        "cycle + phase, times time_scale, grows by the same amount in every row of every trajectory",
+        "the reference's pace is off", uneven_steps, 2e-5, "cycles",
     ),
     RowCheck(
-        "start phase", "start_phase", (*TURNS, "start_phase"),
-        "the first row is the warm-up's time after start_phase", "the first row's phase is off",
+        "start phase", "start_phase", (*TURNS, "start_phase", "time_scale", "recovery"),
+        "the first row is the warm-up's time after start_phase, with recovery at it", "the first row's phase is off",
         start_error, 2e-4, "cycles",
     ),
     RowCheck(
@@ -181,5 +208,13 @@ CHECKS = (
         outside("heading", -np.pi, np.pi), 1e-5, "rad",
     ),
     RowCheck("draws", "noise", ("noise",), "", "not the noise of the settings, off", noise_error, 1e-6),
+    *(
+        RowCheck("draws", name, (name, "recovery"), "", "outside the settings' range", diversity_error(name), 1e-6)
+        for name in DRAWN_RANGES
+    ),
+    *(
+        RowCheck("draws", name, (name,), "", "neither 0 nor 1, off", flag_error(name), 0.0)
+        for name in ("mirrored", "recovery")
+    ),
 )  # fmt: skip
 """All of them."""

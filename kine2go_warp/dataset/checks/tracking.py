@@ -10,7 +10,8 @@ from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
-from kine2go_warp.metrics import foot_slip, root_angle, root_error, tracking_quality
+from kine2go_warp.metrics import foot_slip, root_angle, root_error, settled_rows, tracking_quality
+from kine2go_warp.quantities import mirrored
 from kine2go_warp.robots.kinematics import contact_velocities, foot_positions
 from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
 
@@ -36,20 +37,41 @@ def disagreement(block: Block, series: Array) -> Array:
     return series - first
 
 
+def sides(block: Block) -> Array:
+    """Return -1 for each mirrored trajectory, 1 for the others, shape [num_trajectories, 1]."""
+    return np.where(block["mirrored"][:, None] > 0.0, -1.0, 1.0)
+
+
+def drift(block: Block) -> Array:
+    """Return by how much the offsets have turned the reference since cycle 0 began [rad], [n, num_rows]."""
+    frequency = block.settings.control_frequency or np.nan
+    seconds = turns(block) / (median(np.diff(turns(block), axis=1), 1)[:, None] * frequency)
+    return np.nan_to_num(block["turn_offset"][:, None] * seconds)
+
+
 def heading_error(block: Block) -> Array:
     """Return how far a trajectory's ``heading`` is from its reference's, judged by the others [rad], shape [n]."""
     forward = to_matrices(block["reference_root_orientation"])[..., 0]
     is_level = np.hypot(forward[..., 0], forward[..., 1]) > 0.5
     yaw = np.where(is_level, np.arctan2(forward[..., 1], forward[..., 0]), np.nan)
     yaw = np.where(np.isnan(yaw), np.nan, np.unwrap(np.where(np.isnan(yaw), 0.0, yaw), axis=1))
-    difference = wrap_angle(disagreement(block, yaw - block["heading"][:, None]))
+    own = sides(block) * (yaw - block["heading"][:, None] - drift(block))
+    difference = wrap_angle(disagreement(block, own))
     typical = median(difference, 1)
     return np.abs(wrap_angle(typical - median(typical[None], 1)))
 
 
 def path_error(block: Block) -> Array:
-    """Return how far the reference's path, turned back by ``heading``, is from the first one's [m], shape [n]."""
-    back = turn_planar(block["reference_root_position"], -block["heading"][:, None])
+    """Return how far the reference's path, turned back and without its offsets, is from the first one's [m], [n]."""
+    position, orientation = block["reference_root_position"], block["reference_root_orientation"]
+    turned, along = block["heading"][:, None] + drift(block), heading(orientation)
+    ahead = np.stack([np.cos(along), np.sin(along), np.zeros_like(along)], axis=-1)
+    steps = np.diff(position, axis=1)
+    offset = block["speed_offset"] / (block.settings.control_frequency or np.inf)
+    steps = steps - offset[:, None, None] * 0.5 * (ahead[:, 1:] + ahead[:, :-1])
+    steps = turn_planar(steps, -0.5 * (turned[:, 1:] + turned[:, :-1]))
+    back = np.concatenate([np.zeros_like(position[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+    back = back * np.stack([np.ones_like(sides(block)), sides(block), np.ones_like(sides(block))], axis=-1)
     errors = []
     for axis in range(2):
         difference = disagreement(block, back[..., axis])
@@ -58,22 +80,49 @@ def path_error(block: Block) -> Array:
     return np.abs(error - median(error[None], 1))
 
 
+def joints_error(block: Block) -> Array:
+    """Return how far the reference's joints, mirrored back, usually are from the first one's [rad], shape [n]."""
+    places, signs = mirrored(("joint",), "angle")
+    joints = block["reference_joint_position"]
+    joints = np.where(sides(block)[..., None] < 0.0, joints[..., list(places)] * signs, joints)
+    return largest(
+        np.stack([median(np.abs(disagreement(block, joint)), 1) for joint in np.moveaxis(joints, -1, 0)], 1), 1
+    )
+
+
+def is_settled(block: Block) -> NDArray[np.bool_]:
+    """Return in which rows the limits of tracking count, shape [num_trajectories, num_rows]."""
+    settings = block.settings
+    if not settings.recovery_time or settings.control_frequency is None:
+        return np.ones((block.num_trajectories, block.num_rows), dtype=bool)
+    rows = round(settings.recovery_time * settings.control_frequency)
+    settled = settled_rows(block["push"], block["recovery"] > 0.0, rows)
+    # Where nothing else is left, all rows count.
+    return settled | ~(settled & ~block.beyond).any(axis=1, keepdims=True)
+
+
+def limits(block: Block, limit: float) -> Array:
+    """Return a limit of distance or angle in each row, shape [num_trajectories, num_rows]."""
+    return np.where(is_settled(block), limit, limit * block.settings.recovery_limit_scale)
+
+
 def beyond_distance(block: Block) -> Array | None:
     """Return by how much a root is farther from its reference than accepted rollouts are [m]."""
     limit = block.settings.max_distance
-    return None if limit is None else np.maximum(root_error(block.rows) - limit, 0.0)
+    return None if limit is None else np.maximum(root_error(block.rows) - limits(block, limit), 0.0)
 
 
 def beyond_angle(block: Block) -> Array | None:
     """Return by how much a root is turned further from its reference than in accepted rollouts [rad]."""
     limit = block.settings.max_angle
-    return None if limit is None else np.maximum(root_angle(block.rows) - limit, 0.0)
+    return None if limit is None else np.maximum(root_angle(block.rows) - limits(block, limit), 0.0)
 
 
 def beyond_rmse(block: Block) -> Array | None:
     """Return by how much joints track worse than in accepted rollouts [rad], shape [n]."""
     limit = block.settings.max_joint_rmse
-    rmse = root_mean_square(block["joint_position"] - block["reference_joint_position"], 1)
+    error = block["joint_position"] - block["reference_joint_position"]
+    rmse = root_mean_square(np.where(is_settled(block)[..., None], error, np.nan), 1)
     return None if limit is None else np.maximum(rmse - limit, 0.0)
 
 
@@ -152,6 +201,8 @@ def quality_error(name: str) -> Measure:
     return measure
 
 
+VARIED = ("heading", "mirrored", "turn_offset", "phase", "cycle")
+RECOVERY = ("push", "recovery")
 JOINTS = ("joint_position", "reference_joint_position")
 ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
 FEET = ("link_position", "reference_foot_position")
@@ -172,26 +223,32 @@ REWARDS = (
 
 CHECKS = (
     RowCheck(
-        "reference heading", "reference_root_orientation", ("reference_root_orientation", "heading", "phase", "cycle"),
-        "turned back by heading, all trajectories have the same reference orientation",
+        "reference heading", "reference_root_orientation", ("reference_root_orientation", *VARIED),
+        "turned and mirrored back and without its offset, the reference has the same heading in all trajectories",
         "the reference is turned otherwise than heading says: off", heading_error, 0.02, "rad",
     ),
     RowCheck(
-        "reference path", "reference_root_position", ("reference_root_position", "heading", "phase", "cycle"),
-        "turned back by heading, all trajectories have the same reference path",
+        "reference path", "reference_root_position",
+        ("reference_root_position", "reference_root_orientation", "speed_offset", *VARIED),
+        "turned and mirrored back and without its offsets, the reference has the same path in all trajectories",
         "the reference goes another way than heading says: off", path_error, 0.02, "m",
     ),
     RowCheck(
-        "acceptance", "root_position", ("root_position", "reference_root_position"),
-        "no trajectory is farther from its reference than the settings accept",
+        "reference joints", "reference_joint_position", ("reference_joint_position", *VARIED),
+        "mirrored back, all trajectories have the same reference joints at equal phase",
+        "not the joints of the others' reference: usually off", joints_error, 0.05, "rad",
+    ),
+    RowCheck(
+        "acceptance", "root_position", ("root_position", "reference_root_position", *RECOVERY),
+        "no trajectory is farther from its reference than the settings accept, given time after hard pushes",
         "farther from the reference than accepted rollouts are", beyond_distance, 1e-3, "m",
     ),
     RowCheck(
-        "acceptance", "root_orientation", ("root_orientation", "reference_root_orientation"), "",
+        "acceptance", "root_orientation", ("root_orientation", "reference_root_orientation", *RECOVERY), "",
         "turned further from the reference than accepted rollouts are", beyond_angle, 1e-3, "rad",
     ),
     RowCheck(
-        "acceptance", "joint_position", JOINTS, "",
+        "acceptance", "joint_position", (*JOINTS, *RECOVERY), "",
         "tracks worse than accepted rollouts do", beyond_rmse, 1e-3, "rad",
     ),
     RowCheck(
