@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 ROWS_A_HARMONIC = 4
 """The cycle mean has a harmonic for so many rows of a cycle."""
 MOST_HARMONICS = 100
-QUERIES = 200
-"""Rows of a trajectory whose nearest neighbours are sought."""
+PLACES = 64
+"""Places of the cycle at which trajectories are compared."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Coverage:
     variance_share: float
     """Share of the variance that is not that of their mean at equal phase."""
     across: float
-    """Median distance from a row to the nearest row of another trajectory [rad]."""
+    """Median distance to the nearest cycle of another trajectory at equal phase [rad]."""
     within: float
-    """The same to the nearest row of its own, half a cycle away or more [rad]; NaN where there is none."""
+    """The same to the nearest other cycle of its own [rad]; NaN where there is none."""
 
     def __str__(self) -> str:
-        nearest = f"nearest row of another trajectory {self.across:.4f} rad, of the same one {self.within:.4f} rad"
+        nearest = f"nearest cycle of another trajectory {self.across:.4f} rad, of the same one {self.within:.4f} rad"
         return f"{100.0 * self.variance_share:.1f} % of the joints' variance is around the cycle; {nearest}"
 
 
@@ -39,24 +39,24 @@ def measure_coverage(data: MotionData) -> Coverage:
     """Return the coverage of a motion's trajectories.
 
     Distances are root mean squares over the joints. ``across`` compares each trajectory with the next one alone, so
-    that it has as many rows to choose from as ``within``: where both are alike, one longer rollout would do as well.
+    that it has about as many cycles to choose from as ``within``: where both are alike, one longer rollout would do.
     """
     draws, rows = data.trajectories.draws, data.trajectories.rows
     places, signs = mirrored(("joint",), "angle")
     joints = rows["joint_position"].astype(np.float64)
-    is_mirrored = draws["mirrored"][:, None, None] > 0
-    joints = np.where(is_mirrored, joints[..., list(places)] * signs, joints)
+    joints = np.where(draws["mirrored"][:, None, None] > 0, joints[..., list(places)] * signs, joints)
     turns = rows["cycle"].astype(np.float64) + rows["phase"]
-    lengths = draws["length"]
-    each = [values[:length] for values, length in zip(joints, lengths, strict=True)]
-    steps = [np.median(np.diff(one[:length])) for one, length in zip(turns, lengths, strict=True) if length > 1]
-    cycle_rows = 1.0 / float(np.median(steps)) if steps else math.nan
-    flat, phase = np.concatenate(each), np.concatenate([one[:n] for one, n in zip(turns, lengths, strict=True)])
-    across = (
-        [distances(one, other) for one, other in zip(each, [*each[1:], each[0]], strict=True)] if len(each) > 1 else []
+    each = [(turns[index, :length], joints[index, :length]) for index, length in enumerate(draws["length"])]
+    each = [one for one in each if len(one[0]) > 3]
+    if not each:
+        return Coverage(math.nan, math.nan, math.nan)
+    cycle_rows = 1.0 / float(np.median(np.concatenate([np.diff(one[0]) for one in each])))
+    share = variance_share(
+        np.concatenate([one[1] for one in each]), np.concatenate([one[0] for one in each]), cycle_rows
     )
-    within = [distances(one, one, 0.5 * cycle_rows) for one in each]
-    return Coverage(variance_share(flat, phase, cycle_rows), typical(across), typical(within))
+    cycles = [by_cycle(*one) for one in each]
+    pairs = zip(cycles, [*cycles[1:], cycles[0]], strict=True) if len(cycles) > 1 else ()
+    return Coverage(share, typical([nearest(*pair) for pair in pairs]), typical([nearest(one) for one in cycles]))
 
 
 def variance_share(joints: Array, phase: Array, cycle_rows: float) -> float:
@@ -74,24 +74,41 @@ def variance_share(joints: Array, phase: Array, cycle_rows: float) -> float:
     return float(np.sum((joints - mean) ** 2) / np.sum((joints - joints.mean(axis=0)) ** 2))
 
 
-def distances(one: Array, other: Array, apart: float = 0.0) -> Array:
-    """Return how far some rows of a trajectory are from the nearest of another [rad], NaN where there is none.
+def by_cycle(turns: Array, joints: Array) -> Array:
+    """Return the joints at ``PLACES`` of each cycle [rad], shape [num_cycles, PLACES, num_joints], NaN beyond the ends.
 
     Args:
-        one: Joint positions [rad], shape [num_rows, num_joints].
-        other: Those of the other trajectory, or the same.
-        apart: Rows that are less than so many apart are left out.
+        turns: Cycles passed, shape [num_rows].
+        joints: Joint positions [rad], shape [num_rows, num_joints].
     """
-    chosen = np.unique(np.linspace(0, len(one) - 1, QUERIES).astype(int))
-    squares = np.sum(one[chosen] ** 2, axis=1)[:, None] + np.sum(other**2, axis=1) - 2.0 * one[chosen] @ other.T
-    if apart:
-        squares[np.abs(chosen[:, None] - np.arange(len(other))) < apart] = np.inf
-    least = np.min(squares, axis=1)
-    return np.where(np.isfinite(least), np.sqrt(np.maximum(least, 0.0) / one.shape[1]), np.nan)
+    from scipy.interpolate import CubicSpline
+
+    first, last = int(np.floor(turns[0])), int(np.floor(turns[-1]))
+    grid = first + np.arange((last - first + 1) * PLACES) / PLACES
+    found = CubicSpline(turns, joints, extrapolate=False)(grid)
+    return found.reshape(-1, PLACES, joints.shape[1])
+
+
+def nearest(one: Array, other: Array | None = None) -> Array:
+    """Return how far each cycle is from the nearest one of another trajectory, or of its own, at every place [rad].
+
+    Args:
+        one: As of ``by_cycle``.
+        other: The same of another trajectory; by default the other cycles of the same one.
+
+    Returns:
+        Shape [num_cycles, PLACES], NaN where there is none to compare with.
+    """
+    others = one if other is None else other
+    distance = np.sqrt(np.mean((one[:, None] - others) ** 2, axis=-1))
+    if other is None:
+        distance[np.arange(len(one)), np.arange(len(one))] = np.nan
+    least = np.where(np.isnan(distance), np.inf, distance).min(axis=1)
+    return np.where(np.isfinite(least), least, np.nan)
 
 
 def typical(found: list[Any]) -> float:
     """Return the median of all numbers that are not NaN."""
-    values = np.concatenate(found) if found else np.empty(0)
+    values = np.concatenate([one.ravel() for one in found]) if found else np.empty(0)
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else math.nan

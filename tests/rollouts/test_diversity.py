@@ -9,7 +9,7 @@ from tensordict import TensorDict
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
-from kine2go_warp.dataset.checks import check_dataset
+from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.schema import DIVERSITY_ARRAYS
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.environment import ImitationEnvironment
