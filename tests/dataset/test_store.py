@@ -14,7 +14,7 @@ import zarr
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import REJECTED, add_reviews, new_review
-from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.schema import DIVERSITY_ARRAYS, QUALITY_ARRAYS, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.dataset.summary import summarise
 from kine2go_warp.dataset.trajectories import Trajectories
@@ -45,6 +45,7 @@ def made_up(rng, count=3, rows=20):
         "start_phase": rng.random(count),
         "terminated": np.zeros(count, dtype=np.int32),
         "noise": np.ones(count),
+        **{array.name: np.full(count, float(array.name.endswith("scale")), array.dtype) for array in DIVERSITY_ARRAYS},
     }
     sizes = {**shapes, "coordinate": 19, "velocity": 18, "slot": 3}
     groups = {

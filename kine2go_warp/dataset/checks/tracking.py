@@ -81,13 +81,13 @@ def path_error(block: Block) -> Array:
 
 
 def joints_error(block: Block) -> Array:
-    """Return how far the reference's joints, mirrored back, usually are from the first one's [rad], shape [n]."""
+    """Return how far the reference's joints, mirrored back, are from the others', judged by these [rad], shape [n]."""
     places, signs = mirrored(("joint",), "angle")
     joints = block["reference_joint_position"]
     joints = np.where(sides(block)[..., None] < 0.0, joints[..., list(places)] * signs, joints)
-    return largest(
-        np.stack([median(np.abs(disagreement(block, joint)), 1) for joint in np.moveaxis(joints, -1, 0)], 1), 1
-    )
+    each = [median(np.abs(disagreement(block, joint)), 1) for joint in np.moveaxis(joints, -1, 0)]
+    error = largest(np.stack(each, axis=1), 1)
+    return np.abs(error - median(error[None], 1))
 
 
 def is_settled(block: Block) -> NDArray[np.bool_]:
