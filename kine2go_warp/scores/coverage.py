@@ -31,8 +31,10 @@ class Coverage:
     """The same to the nearest other cycle of its own [rad]; NaN where there is none."""
 
     def __str__(self) -> str:
-        nearest = f"nearest cycle of another trajectory {self.across:.4f} rad, of the same one {self.within:.4f} rad"
-        return f"{100.0 * self.variance_share:.1f} % of the joints' variance is around the cycle; {nearest}"
+        found = (("another trajectory", self.across), ("the same one", self.within))
+        nearest = [f"{whose} {value:.4f} rad" for whose, value in found if math.isfinite(value)]
+        share = f"{100.0 * self.variance_share:.1f} % of the joints' variance is around the cycle"
+        return f"{share}; the nearest cycle at equal phase: {', '.join(nearest) or 'none'}"
 
 
 def measure_coverage(data: MotionData) -> Coverage:

@@ -1,13 +1,16 @@
 """The filter against made-up rollouts whose figures are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.env.terms.terminations import TERMINATIONS
-from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.metrics import FILTER_METRICS, settled_rows
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.diversity import DiversitySettings
 from kine2go_warp.rollouts.quality import BORDERLINE, filter_rollouts
 
 ROWS, FRAME = 20, 1.0 / 60.0
@@ -199,3 +202,37 @@ def test_a_failure_of_the_simulation_comes_before_every_limit(failure):
         spoil(rows)
     assert filtered(rows, [failure]).reasons == (failure,)
     assert filtered(perfect(), [failure]).reasons == (failure,)
+
+
+def test_rows_are_settled_some_time_after_a_recovery_and_after_each_hard_push():
+    push = np.zeros((3, 10, 3))
+    push[1, 2, 1], push[1, 8, 0], push[2, 2, 0] = 0.3, -0.5, 0.15
+    settled = settled_rows(push, np.array([True, False, False]), 3)
+    numbers = [np.flatnonzero(one).tolist() for one in settled]
+    # A push comes right after its row; that of 0.15 m/s is not hard.
+    assert numbers == [[3, 4, 5, 6, 7, 8, 9], [0, 1, 2, 6, 7, 8], list(range(10))]
+
+
+def test_the_way_back_is_not_judged_but_for_legs_in_one_another():
+    config = replace(CONFIG, diversity=DiversitySettings("cloning", recovery_time=4 * FRAME))
+    rows = perfect(4) | {"push": np.zeros((4, ROWS, 3), np.float32)}
+    for one in (0, 1):
+        rows["root_position"][one, 7, 0] = 0.6
+        rows["joint_position"][one, 6:9] += 0.5
+    rows["push"][0, 5, 0] = 0.5
+    rows["leg_distance"][2, 1] = -0.02
+    rows["root_position"][3, 2, 0] = 0.6
+    recovery = np.array([False, False, True, True])
+    result = filter_rollouts(rows, np.full(4, ""), config, FRAME, GO2, recovery)
+    assert result.reasons == ("", "distance", "leg_overlap", "")
+    assert result.quality["largest_root_error"][0] == pytest.approx(0.6), "metrics are those of all rows"
+    assert result.quality["worst_limit_ratio"][0] == pytest.approx(0.0, abs=1e-6)
+    paper = filter_rollouts(rows, np.full(4, ""), CONFIG, FRAME, GO2, recovery)
+    assert paper.reasons == ("distance", "distance", "leg_overlap", "distance")
+
+
+def test_where_nothing_is_settled_all_rows_are_judged():
+    config = replace(CONFIG, diversity=DiversitySettings("cloning"))
+    rows = perfect(2) | {"push": np.zeros((2, ROWS, 3), np.float32)}
+    too_far(rows, 1)
+    assert filter_rollouts(rows, np.full(2, ""), config, FRAME, GO2, np.ones(2, bool)).reasons == ("", "distance")
