@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from examples.behaviour_cloning import AHEAD, ARRAYS, HISTORY, NOW, WINDOW, Settings, main, observe, train
+from examples.behaviour_cloning import AHEAD, ARRAYS, HISTORY, NOW, WINDOW, Settings, main, observe, pushed, train
 from kine2go_warp.dataset import load_rows, open_dataset
 from kine2go_warp.dataset.torch_windows import WindowLoader
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.env.terms.base import find_term
+from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.collector import round_seeds
 from kine2go_warp.rollouts.config import GatherConfig
@@ -50,6 +52,16 @@ def test_what_the_clone_sees_in_the_dataset_is_what_the_environment_shows_it(pol
             np.testing.assert_allclose(seen, environment.observation.numpy(), atol=1e-4, err_msg=f"row {row}")
         environment.action.assign(rows["action"][:, row].numpy())
         environment.step()
+
+
+def test_pushes_of_one_speed_leave_the_rest_but_for_the_limits(clean_dataset):
+    config = environment_config(open_dataset(clean_dataset).motion("dog_trot").attributes, "")
+    hard = pushed(config, 0.5)
+    assert find_term(hard.randomization, "push_speed").range == (0.5, 0.5)
+    assert find_term(hard.terminations, "distance").params == (("max_distance", 1.0),)
+    assert find_term(hard.terminations, "rotation").params == (("max_angle", 1.0),)
+    same = randomized(hard.randomization, push_speed=find_term(config.randomization, "push_speed").range)
+    assert replace(hard, randomization=same, terminations=config.terminations) == config
 
 
 def test_what_the_clone_sees_does_not_depend_on_place_or_heading(windows):
