@@ -11,7 +11,7 @@ from kine2go_warp.dataset.checks.statistics import flat, median
 from kine2go_warp.dataset.schema import ROW_ARRAYS, TRAJECTORY_ARRAYS
 
 Array = NDArray[np.float64]
-Measure = Callable[[Block], Array]
+Measure = Callable[[Block], Array | None]
 
 
 def holes(name: str) -> Measure:
@@ -126,8 +126,10 @@ def diversity_error(name: str) -> Measure:
         if name not in block.settings.diversity:
             return None
         low, high = block.settings.diversity[name]
-        inside = outside(name, low, high)(block)
-        return np.where(block["recovery"] > 0.0, inside, np.abs(block[name] - 1.0)) if name == "reset_scale" else inside
+        if name == "reset_scale":
+            # Others begin as usual.
+            low, high = (np.where(block["recovery"] > 0.0, limit, 1.0) for limit in (low, high))
+        return np.maximum(np.maximum(low - block[name], block[name] - high), 0.0)
 
     return measure
 
