@@ -14,7 +14,7 @@ from kine2go_warp.objects import load_object
 def source_of(name: str, dialect: Dialect) -> MotionSource:
     """Return the source that reads files of a dialect."""
     if isinstance(dialect, JointsDialect):
-        return JointSource(name, dialect)
+        return JointSource(name, dialect, root_drop=dialect.root_drop)
     lengths = dialect.scale, dialect.root_drop, dialect.forward_lift, dialect.foot_outward
     return PointSource(name, dialect, *lengths, dialect.unit)
 

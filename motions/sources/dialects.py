@@ -90,6 +90,8 @@ class JointsDialect:
     """Whether hips of the right legs turn the other way than those of the left."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """What is added to hip, thigh and calf after ``sign`` [rad]."""
+    root_drop: float = 0.0
+    """How far the base is lowered, where the file's robot stands on nearly straight legs, in the size of the Go2 [m]."""
     width: int = 0
     """Number of columns; 0 for any."""
     rate: float = 0.0
@@ -105,7 +107,7 @@ class JointsDialect:
             raise ValueError("robots must name at least one")
         for name in self.robots:
             robot_of_files(name)
-        check_ranges(self, rate=(0, 1000))
+        check_ranges(self, rate=(0, 1000), root_drop=(-1, 1))
 
 
 Dialect = PointsDialect | JointsDialect
