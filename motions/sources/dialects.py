@@ -91,7 +91,7 @@ class JointsDialect:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """What is added to hip, thigh and calf after ``sign`` [rad]."""
     root_drop: float = 0.0
-    """How far the base is lowered, where the file's robot stands on nearly straight legs, in the size of the Go2 [m]."""
+    """How far the base is lowered where the file's robot stands on nearly straight legs, in the Go2's size [m]."""
     width: int = 0
     """Number of columns; 0 for any."""
     rate: float = 0.0
