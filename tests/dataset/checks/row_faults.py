@@ -57,6 +57,9 @@ ROW_FAULTS = {
         "even phase", "phase", ("phase", "cycle"),
     ),
     "another start phase": fault("start_phase", lambda one: (one + 0.3) % 1.0, "start phase"),
+    "another side": fault("mirrored", lambda one: 1 - one, "reference joints", "reference_joint_position"),
+    "another time scale": fault("time_scale", lambda one: 1.01 * one, "even phase", "phase"),
+    "a turn that was not drawn": fault("turn_offset", lambda one: one + 0.2, "draws"),
     "an impossible heading": fault("heading", lambda one: one + 7.0, "draws"),
     "another noise": fault("noise", lambda _: 1.5, "draws"),
     "linear velocity in the base frame": Fault(
