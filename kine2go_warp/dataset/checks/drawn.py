@@ -182,7 +182,7 @@ def leg_in_the_air(block: Block) -> Array | None:
     if not block.settings.is_flat:
         return None
     spec, height = block.spec, block["link_position"][..., 2]
-    knee, foot = height[..., 8:12], height[..., 12:16]
+    knee, foot = height[..., 2:12:3], height[..., 12:16]
     along = np.array(spec.calf_span) / spec.legs[0].calf_length
     ends = [knee + share * (foot - knee) - spec.calf_radius for share in along]
     lowest = np.minimum(np.min(ends, axis=(0, -1)), np.min(knee, axis=-1) - spec.thigh_radius)
