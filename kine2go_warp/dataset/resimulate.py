@@ -15,6 +15,9 @@ mujoco: Any = mujoco_package
 ROWS = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity", "joint_position",
         "joint_velocity", "joint_target", "friction_anchor", "push", "joint_torque")  # fmt: skip
 """Row arrays that a simulation needs; torques are for comparison."""
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+STEEP = 0.75**0.5
+"""Cosine of the angle to the vertical above which a capsule is steep: less than half of its axis is seen from above."""
 
 
 class StoredRobot:
@@ -61,7 +64,29 @@ class StoredRobot:
             self.anchor = position - np.clip(position - self.anchor, -strength / spring, strength / spring)
             friction = -spring * (position - self.anchor) - damping * velocity
             data.qfrc_applied[6:] = self.torque + np.clip(friction, -strength, strength)
-            mujoco.mj_step(self.model, data)
+            self.substep()
+
+    def substep(self) -> None:
+        """Take one physics substep, with the contact frames of MuJoCo Warp.
+
+        MuJoCo lays the first tangent of a capsule on the ground along its axis as seen from above. MuJoCo Warp does so
+        for capsules within 60 degrees of the ground, and lays it along the world's y axis for steeper ones. As
+        friction is a pyramid, the directions matter.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_fwdPosition(model, data)
+        for contact in data.contact:
+            ground, leg = sorted(contact.geom)
+            is_leg = model.geom_type[ground] == mujoco.mjtGeom.mjGEOM_PLANE and model.geom_type[leg] == CAPSULE
+            if is_leg and abs(data.geom_xmat[leg, 8]) > STEEP:
+                contact.frame[3:] = (0.0, 1.0, 0.0, *np.cross(contact.frame[:3], (0.0, 1.0, 0.0)))
+        mujoco.mj_makeConstraint(model, data)
+        mujoco.mj_projectConstraint(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        mujoco.mj_Euler(model, data)
 
     def target(self, row: int) -> np.ndarray:
         """Return the joint target that was commanded in a row, also in one before the first."""

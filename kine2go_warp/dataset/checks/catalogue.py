@@ -28,8 +28,7 @@ PHYSICS_STRIDE = 5
 
 PHYSICS = Check(
     "physics",
-    f"with `--physics`: a step of plain MuJoCo from every {PHYSICS_STRIDE}th row leads to the next row, but where a "
-    "thigh or calf touches the ground (flat ground)",
+    f"with `--physics`: a step of plain MuJoCo from every {PHYSICS_STRIDE}th row leads to the next row (flat ground)",
     ", ".join(f"{limit:g} {unit}" for limit, unit in PHYSICS_LIMITS.values()),
 )
 

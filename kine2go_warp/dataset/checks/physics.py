@@ -19,7 +19,7 @@ SHARE = 0.1
 FAR = 100.0
 """No step may be off by more than so many limits."""
 
-NEEDED = (*ROWS, "foot_contact_force", "leg_contact")
+NEEDED = (*ROWS, "foot_contact_force")
 
 
 def physics_findings(motion: StoredMotion, spec: RobotSpec) -> list[Finding] | None:
@@ -51,8 +51,6 @@ def trajectory_findings(
     """Yield the arrays of a trajectory that are not what steps from its rows give."""
     jumps = np.linalg.norm(np.diff(rows["root_linear_velocity"][:length], axis=0), axis=-1)
     chosen = sorted({*range(0, length - 1, PHYSICS_STRIDE), *np.argsort(-np.nan_to_num(jumps))[:JUMPS].tolist()})
-    touches = np.nan_to_num(rows["leg_contact"]) > 0.0
-    chosen = [row for row in chosen if not touches[row : row + 2].any()]
     feet = foot_shapes(robot, spec)
     off = np.array([step_errors(robot, rows, row, feet) for row in chosen]).reshape(-1, len(PHYSICS_LIMITS))
     for (name, (limit, unit)), errors in zip(PHYSICS_LIMITS.items(), off.T, strict=True):
