@@ -80,7 +80,7 @@ class TrajectoryValues(Mapping[str, Any]):
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return what is stored under a name, or the default if nothing is."""
-        return self[name] if name in self else default
+        return self._motion.values(name)[self._index] if name in self else default
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._motion.trajectory_arrays)
