@@ -21,13 +21,14 @@ STEEP = 0.75**0.5
 
 
 class StoredRobot:
-    """The robot of one trajectory; ``data`` is MuJoCo's state, ``torque`` that of the last substep [N m]."""
+    """The robot of one trajectory; ``data`` is MuJoCo's state, torques [N m] and powers [W] are of each substep."""
 
     def __init__(self, attributes: dict[str, Any], start: dict[str, np.ndarray], rows: dict[str, np.ndarray]) -> None:
         """Compile the model of a motion's attributes and give it what was drawn for the trajectory."""
         record = attributes["simulation"]
         self.record = json.loads(record) if isinstance(record, str) else record
-        self.start, self.rows, self.torque = start, rows, np.zeros(12)
+        self.start, self.rows, self.torques = start, rows, np.zeros((self.record["substeps"], 12))
+        self.powers = np.zeros_like(self.torques)
         model = self.model = mujoco.MjModel.from_xml_string(attributes["robot_xml"])
         model.opt.timestep = self.record["timestep"]
         base = model.body(self.record["base_link"]).id
@@ -60,11 +61,12 @@ class StoredRobot:
             demand, free, full = start["strength"] * law, limits["no_load_speed"], limits["full_torque_speed"]
             driving = limits["driving"] * np.clip((free - np.abs(velocity)) / (free - full), 0.0, 1.0)
             limit = np.where(demand * velocity < 0.0, limits["braking"], driving)
-            self.torque = np.clip(demand, -limit, limit)
+            torque = self.torques[substep] = np.clip(demand, -limit, limit)
             self.anchor = position - np.clip(position - self.anchor, -strength / spring, strength / spring)
             friction = -spring * (position - self.anchor) - damping * velocity
-            data.qfrc_applied[6:] = self.torque + np.clip(friction, -strength, strength)
+            data.qfrc_applied[6:] = torque + np.clip(friction, -strength, strength)
             self.substep()
+            self.powers[substep] = torque * data.qvel[6:]
 
     def substep(self) -> None:
         """Take one physics substep, with the contact frames of MuJoCo Warp.

@@ -29,7 +29,9 @@ SHIFTS = {
     for rows, count in ((1, "one row"), (2, "two rows"), (3, "three rows"))
     for sign in (1, -1)
 }
-"""Rows by which an array may be moved, and what is said of it."""
+"""Rows by which commands may be moved, other arrays by one, and what is said of them."""
+
+COMMANDS = ("action", "action_mean", "joint_target")
 
 
 @dataclass(frozen=True)
@@ -56,14 +58,15 @@ def known_mistakes(block: Block) -> Iterator[KnownMistake]:
                 what = f"{array.name} has its {plural} {how}"
                 yield KnownMistake(what, (array.name,), reordered((array,), dimension, order))
         for shift, when in SHIFTS.items():
-            yield KnownMistake(f"{array.name} is {when}", (array.name,), shifted((array.name,), shift))
+            if abs(shift) == 1 or array.name in COMMANDS:
+                yield KnownMistake(f"{array.name} is {when}", (array.name,), shifted((array.name,), shift))
     for dimension, plural in ORDERED.items():
         concerned = tuple(array for array in arrays if dimension in array.dims)
         names = tuple(array.name for array in concerned)
         for how, order in orders[dimension].items():
             what = f"all arrays have their {plural} {how}"
             yield KnownMistake(what, names, reordered(concerned, dimension, order))
-    commands = tuple(name for name in ("action", "action_mean", "joint_target") if name in block)
+    commands = tuple(name for name in COMMANDS if name in block)
     for shift, when in SHIFTS.items():
         yield KnownMistake(f"actions and targets are {when}", commands, shifted(commands, shift))
     yield from latency_mistakes(block)
