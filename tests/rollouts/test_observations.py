@@ -62,6 +62,5 @@ def test_each_number_has_a_name_and_a_unit(observed):
     assert {term["name"]: term["unit"] for term in terms}["joint_velocity[t]"] == "rad/s"
 
 
-def test_a_dataset_with_observations_is_clean_and_other_ones_do_not_hold_them(observed, clean_dataset):
+def test_a_dataset_with_observations_is_clean(observed):
     assert check_dataset(observed, GO2).findings == ()
-    assert "observation" not in open_dataset(clean_dataset).motion("dog_trot").row_arrays

@@ -19,6 +19,7 @@ ROW_CHECKS: tuple[RowCheck, ...] = (
 
 PHYSICS_LIMITS = {
     "joint_position": (1e-5, "rad"), "joint_velocity": (1e-3, "rad/s"), "root_linear_velocity": (1e-4, "m/s"),
+    "root_angular_velocity": (1e-3, "rad/s"),
     "joint_torque": (1e-2, "N m"), "foot_contact_force": (0.5, "N"), "joint_torque_mean": (1e-2, "N m"),
     "joint_torque_peak": (1e-2, "N m"), "joint_power_mean": (0.2, "W"), "joint_power_peak": (0.2, "W"),
     "friction_anchor": (1e-4, "rad"),

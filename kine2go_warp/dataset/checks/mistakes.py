@@ -95,13 +95,14 @@ def latency_mistakes(block: Block) -> Iterator[KnownMistake]:
     settings, names = block.settings, ("randomization/latency", "initial_state/delay")
     if settings.latency is None or settings.physics_substeps is None or settings.control_frequency is None:
         return
-    substeps = round(settings.latency * settings.physics_substeps * settings.control_frequency)
-    right = dict(zip(names, (settings.latency, float(substeps)), strict=True))
+    rate = settings.physics_substeps * settings.control_frequency
+    substeps = round(settings.latency * rate)
+    right = dict(zip(names, (substeps / rate, float(substeps)), strict=True))
     stored = tuple(name for name in names if name in block and not np.allclose(block.stored[name], right[name]))
     for chosen in {stored, *((name,) for name in stored)} - {()}:
         what = f"{' and '.join(chosen)} {'is' if len(chosen) == 1 else 'are'} not the latency of the settings, "
         yield KnownMistake(
-            f"{what}{settings.latency:g} s or {substeps} substeps", chosen,
+            f"{what}{substeps} substeps", chosen,
             lambda block, chosen=chosen: {name: np.full_like(block.stored[name], right[name]) for name in chosen},
         )  # fmt: skip
 
@@ -133,8 +134,10 @@ def edited(block: Block, find: Callable[[Array, float], NDArray[np.intp]], is_ad
 
 
 def unit_mistakes(array: ArraySpec) -> Iterator[KnownMistake]:
-    """Yield mistakes of units."""
+    """Yield mistakes of units and signs."""
     name = array.name
+    if array.unit != "1" and "quaternion" not in array.dims:
+        yield KnownMistake(f"{name} has the wrong sign", (name,), lambda block: {name: -block.stored[name]})
     if array.unit in ("rad", "rad/s"):
         yield KnownMistake(f"{name} is in degrees", (name,), lambda block: {name: np.radians(block.stored[name])})
     if array.unit in ("m", "m/s"):
@@ -209,12 +212,22 @@ def diagnose(motion: str, block: Block, checks: Sequence[RowCheck]) -> list[Diag
             continue
         mended = block.replaced(only(bad, block, mistake.undo(block)))
         wrong = [check for check in concerned if check in failed]
-        still = [check for check in wrong if failing(mended, [check]).any()]
+        still = [check for check in wrong if not holds(mended, check, block)]
         fixes = dict.fromkeys(check.name for check in wrong if check not in still)
         if fixes and not any(failing(mended, [check]).any() for check in concerned if check not in failed):
             candidates.append(Diagnosis(motion, mistake.what, tuple(fixes), len({check.name for check in failed})))
     most = max((len(one.fixes) for one in candidates), default=0)
     return [one for one in candidates if len(one.fixes) == most]
+
+
+def holds(mended: Block, check: RowCheck, block: Block) -> bool:
+    """Return whether a check finds nothing wrong, and still judges each trajectory that it judged before."""
+    values, before = check.off_by(mended), check.off_by(block)
+    if values is None or before is None:
+        return False
+    after, known = (one.reshape(block.num_trajectories, -1) for one in (values, before))
+    is_judged = (~np.isnan(after)).any(axis=1) | np.isnan(known).all(axis=1)
+    return bool(is_judged.all() and not np.any(after > check.tolerance))
 
 
 def only(chosen: NDArray[np.bool_], block: Block, changes: dict[str, Array]) -> dict[str, Array]:

@@ -77,9 +77,11 @@ def step_errors(robot: StoredRobot, after: dict[str, NDArray[Any]], row: int, fe
     """
     robot.place(row)
     robot.step(row)
-    data = robot.data
+    data, rotation = robot.data, np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
     found = {
         "joint_position": data.qpos[7:], "joint_velocity": data.qvel[6:], "root_linear_velocity": data.qvel[:3],
+        "root_angular_velocity": rotation.reshape(3, 3) @ data.qvel[3:6],
         "joint_torque": robot.torques[-1], "foot_contact_force": foot_forces(robot, feet),
         "joint_torque_mean": robot.torques.mean(axis=0), "joint_torque_peak": np.abs(robot.torques).max(axis=0),
         "joint_power_mean": robot.powers.mean(axis=0), "joint_power_peak": np.abs(robot.powers).max(axis=0),
