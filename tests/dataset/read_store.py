@@ -27,6 +27,16 @@ def with_zarr(store, motion):
 def with_xarray(store, motion):
     import xarray
 
+    def read(name):
+        folder, _, array = f"{motion}/{name}".rpartition("/")
+        return xarray.open_zarr(store, group=folder)[array].values
+
+    return read, xarray.open_zarr(store, group=motion).attrs
+
+
+def with_datatree(store, motion):
+    import xarray
+
     tree = xarray.open_datatree(store, engine="zarr")
     return lambda name: tree[f"{motion}/{name}"].values, tree[motion].attrs
 
@@ -51,7 +61,13 @@ def with_tensorstore(store, motion):
     return read, json.loads((Path(store) / motion / "zarr.json").read_text())["attributes"]
 
 
-READERS = {"zarr": with_zarr, "xarray": with_xarray, "netcdf": with_netcdf, "tensorstore": with_tensorstore}
+READERS = {
+    "zarr": with_zarr,
+    "xarray": with_xarray,
+    "datatree": with_datatree,
+    "netcdf": with_netcdf,
+    "tensorstore": with_tensorstore,
+}
 
 
 def attempt(function):
