@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block, is_rows
 from kine2go_warp.dataset.checks.records import Diagnosis, RowCheck
 from kine2go_warp.dataset.checks.rows import advance, turns
-from kine2go_warp.dataset.schema import ROW_ARRAYS, ArraySpec
+from kine2go_warp.dataset.schema import OPTIONAL_ROW_ARRAYS, ROW_ARRAYS, ArraySpec
 from kine2go_warp.quantities import MIRRORED_LEGS
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import to_matrices
@@ -49,7 +49,7 @@ class KnownMistake:
 def known_mistakes(block: Block) -> Iterator[KnownMistake]:
     """Yield the mistakes to try, those of one array first."""
     orders = wrong_orders(block.spec)
-    arrays = [array for array in ROW_ARRAYS if array.name in block]
+    arrays = [array for array in (*ROW_ARRAYS, *OPTIONAL_ROW_ARRAYS) if array.name in block]
     for array in arrays:
         yield from unit_mistakes(array)
         yield from frame_mistakes(array, block)
