@@ -96,8 +96,6 @@ def torque_error(block: Block) -> Array | None:
     settings = block.settings
     if settings.physics_substeps is None or settings.control_frequency is None:
         return None
-    if any(f"randomization/{name}" not in block for name in MOTOR):
-        return None
     substeps, frequency = settings.physics_substeps, settings.control_frequency
     lags = np.array([latency_rows(latency, substeps, frequency) for latency in block["randomization/latency"]])
     error = np.full(block.num_trajectories, np.nan)
@@ -196,7 +194,9 @@ CHECKS = (
         "joints are no faster than their motors", "faster than the motor can turn it", beyond_speed, 0.01, "rad/s",
     ),
     RowCheck(
-        "motor law", "joint_torque", ("joint_torque", "joint_target", "joint_position", "joint_velocity"),
+        "motor law", "joint_torque",
+        ("joint_torque", "joint_target", "joint_position", "joint_velocity",
+         *(f"randomization/{name}" for name in MOTOR)),
         "torques are stiffness * (target - position) - damping * velocity, the target as old as the latency says",
         "usually not what targets, joints and gains give: off", torque_error, 0.5, "of the usual torque",
     ),
