@@ -1,18 +1,27 @@
 """Closed-form forward kinematics in NumPy, vectorised over any leading dimensions, in double precision."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.robots.spec import RobotSpec
+from kine2go_warp.robots.spec import Leg, RobotSpec
 from kine2go_warp.rotations import rotate
 
 Array = NDArray[np.float64]
 
 
-def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
+class HasLegs(Protocol):
+    """A robot, or as much of one as its legs."""
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """FL, FR, RL, RR."""
+        ...
+
+
+def leg_points(spec: HasLegs, joint_position: Array) -> Array:
     """Return hip, thigh and calf joint centres and foot centres in the base frame.
 
     Args:
@@ -32,7 +41,7 @@ def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
     return np.stack([hip, thigh, calf, foot], axis=-2)
 
 
-def _dimensions(spec: RobotSpec) -> tuple[Array, Array, Array, Array]:
+def _dimensions(spec: HasLegs) -> tuple[Array, Array, Array, Array]:
     """Return hip and thigh offsets, shape [4 legs, 3], and lengths of thighs and calves, shape [4 legs] [m]."""
     legs = spec.legs
     offsets = np.array([(leg.hip_offset, leg.thigh_offset) for leg in legs])
@@ -47,7 +56,7 @@ def link_positions(spec: RobotSpec, joint_position: Array) -> Array:
     return np.concatenate([joints, points[..., 3, :]], axis=-2)
 
 
-def foot_positions(spec: RobotSpec, joint_position: Array) -> Array:
+def foot_positions(spec: HasLegs, joint_position: Array) -> Array:
     """Return the foot centres in the base frame [m], shape [..., 4, 3]."""
     return leg_points(spec, joint_position)[..., 3, :]
 
