@@ -130,6 +130,8 @@ def foot_error(rows: Rows) -> NDArray[Any]:
 def settled_rows(push: NDArray[Any], recovery: NDArray[np.bool_], num_rows: float) -> NDArray[np.bool_]:
     """Return in which rows a robot should be back at its reference, shape [num_trajectories, num_rows].
 
+    Where it never has the time, all rows are returned.
+
     Args:
         push: Velocity that a push adds right after each row [m/s], shape [num_trajectories, num_rows, 3].
         recovery: Which trajectories begin off their reference, shape [num_trajectories].
@@ -139,7 +141,8 @@ def settled_rows(push: NDArray[Any], recovery: NDArray[np.bool_], num_rows: floa
     begins = np.concatenate([np.asarray(recovery, bool)[:, None], is_hard[:, :-1]], axis=1)
     row = np.arange(begins.shape[1])
     last = np.maximum.accumulate(np.where(begins, row, -np.inf), axis=1)
-    return row - last >= num_rows
+    settled = row - last >= num_rows
+    return settled | ~(settled & np.isfinite(push[..., 0])).any(axis=1, keepdims=True)
 
 
 def tracking_quality(rows: Rows) -> dict[str, NDArray[Any]]:
