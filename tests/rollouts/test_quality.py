@@ -215,20 +215,21 @@ def test_rows_are_settled_some_time_after_a_recovery_and_after_each_hard_push():
 
 def test_the_way_back_is_not_judged_but_for_legs_in_one_another():
     config = replace(CONFIG, diversity=DiversitySettings("cloning", recovery_time=4 * FRAME))
-    rows = perfect(4) | {"push": np.zeros((4, ROWS, 3), np.float32)}
-    for one in (0, 1):
-        rows["root_position"][one, 7, 0] = 0.6
+    rows = perfect(5) | {"push": np.zeros((5, ROWS, 3), np.float32)}
+    for one, off in ((0, 0.5), (1, 0.5), (4, 0.7)):
+        rows["root_position"][one, 7, 0] = off
         rows["joint_position"][one, 6:9] += 0.5
-    rows["push"][0, 5, 0] = 0.5
+    rows["push"][[0, 4], 5, 0] = 0.5
     rows["leg_distance"][2, 1] = -0.02
-    rows["root_position"][3, 2, 0] = 0.6
-    recovery = np.array([False, False, True, True])
-    result = filter_rollouts(rows, np.full(4, ""), config, FRAME, GO2, recovery)
-    assert result.reasons == ("", "distance", "leg_overlap", "")
-    assert result.quality["largest_root_error"][0] == pytest.approx(0.6), "metrics are those of all rows"
-    assert result.quality["worst_limit_ratio"][0] == pytest.approx(0.0, abs=1e-6)
-    paper = filter_rollouts(rows, np.full(4, ""), CONFIG, FRAME, GO2, recovery)
-    assert paper.reasons == ("distance", "distance", "leg_overlap", "distance")
+    rows["root_position"][3, 2, 0] = 0.5
+    recovery = np.array([False, False, True, True, False])
+    result = filter_rollouts(rows, np.full(5, ""), config, FRAME, GO2, recovery)
+    # On the way back 1.5 times the limit of 0.4 m is allowed.
+    assert result.reasons == ("", "distance", "leg_overlap", "", "distance")
+    assert result.quality["largest_root_error"][0] == pytest.approx(0.5), "metrics are those of all rows"
+    assert result.quality["worst_limit_ratio"][0] == pytest.approx(0.5 / 0.6)
+    paper = filter_rollouts(rows, np.full(5, ""), CONFIG, FRAME, GO2, recovery)
+    assert paper.reasons == ("distance", "distance", "leg_overlap", "distance", "distance")
 
 
 def test_where_nothing_is_settled_all_rows_are_judged():

@@ -9,6 +9,7 @@ from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.commands import SHORTEST_SAMPLE, fresh_noise, latency_rows
 from kine2go_warp.dataset.checks.dynamics import FLOOR, PAIRS
 from kine2go_warp.dataset.checks.records import RowCheck
+from kine2go_warp.dataset.checks.rows import warm_up_rows
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS, mirrored
@@ -69,10 +70,8 @@ def final_error(position: str, velocity: str) -> Measure:
 
 def reference_step_error(block: Block) -> Array | None:
     """Return how far the control steps before the first row are from those of the warm-up, shape [n]."""
-    settings = block.settings
-    if settings.warm_up is None or settings.control_frequency is None:
-        return None
-    return np.abs(block["initial_state/reference_step"] - round(settings.warm_up * settings.control_frequency))
+    rows = warm_up_rows(block)
+    return None if rows is None else np.abs(block["initial_state/reference_step"] - rows)
 
 
 def held_error(name: str) -> Measure:
@@ -210,7 +209,7 @@ CHECKS = (
         for one in RANDOMIZED_PARAMETERS
     ),
     RowCheck(
-        "initial state", "initial_state/reference_step", ("initial_state/reference_step",), "",
+        "initial state", "initial_state/reference_step", ("initial_state/reference_step", "recovery"), "",
         "not the control steps of the warm-up: off", reference_step_error, 0.0,
     ),
     RowCheck(

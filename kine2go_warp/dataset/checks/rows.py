@@ -94,15 +94,19 @@ def uneven_steps(block: Block) -> Array:
     return np.abs(paces(block) - advance(block))
 
 
-def start_error(block: Block) -> Array | None:
-    """Return how far the first row is from where the drawn phase leads during the warm-up [cycles], shape [n].
-
-    Trajectories that begin off their reference have no warm-up.
-    """
+def warm_up_rows(block: Block) -> Array | None:
+    """Return the control steps before each first row, none where a trajectory begins off its reference, shape [n]."""
     settings = block.settings
     if settings.warm_up is None or settings.control_frequency is None:
         return None
-    rows = np.where(block["recovery"] > 0.0, 0, round(settings.warm_up * settings.control_frequency))
+    return np.where(block["recovery"] > 0.0, 0.0, round(settings.warm_up * settings.control_frequency))
+
+
+def start_error(block: Block) -> Array | None:
+    """Return how far the first row is from where the drawn phase leads during the warm-up [cycles], shape [n]."""
+    rows = warm_up_rows(block)
+    if rows is None:
+        return None
     return np.abs(turns(block)[:, 0] - block["start_phase"] - rows * advance(block) / block["time_scale"])
 
 
