@@ -19,7 +19,10 @@ Stage = Literal["env", "train", "retarget", "gather", "load"]
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure how fast stages are on this machine."""
+    """Measure how fast stages are on this machine.
+
+    Example: kine2go bench retarget
+    """
 
     stages: tyro.conf.Positional[tuple[Stage, ...]]
     """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all

@@ -13,15 +13,20 @@ DATA_VARIABLE = "KINE2GO_DATA"
 DatasetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET")]
 PolicyPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
 ClipPaths = Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="CLIP [CLIP ...]")]
-Device = Annotated[str | None, tyro.conf.arg(help="cpu or cuda; by default cuda where there is one.")]
+Device = Annotated[
+    str | None, tyro.conf.arg(metavar="{cpu,cuda}", help="Where to simulate; by default cuda where there is one.")
+]
 DataFolder = Annotated[
     Path | None,
-    tyro.conf.arg(help="Folder of the source clips; by default the environment variable KINE2GO_DATA."),
+    tyro.conf.arg(
+        metavar="FOLDER", help="Folder of the source clips; by default the environment variable KINE2GO_DATA."
+    ),
 ]
-Robot = Annotated[str, tyro.conf.arg(help="Name of the robot, or FILE.py:NAME for one of your own.")]
+Robot = Annotated[str, tyro.conf.arg(metavar="ROBOT", help="Name of the robot, or FILE.py:NAME for one of your own.")]
 CatalogueFile = Annotated[
-    Path | None, tyro.conf.arg(help="TOML file with motions of your own, in the form of the catalogue.")
+    Path | None, tyro.conf.arg(metavar="FILE", help="TOML file with motions of your own, in the form of the catalogue.")
 ]
+TargetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET|CLIP")]
 RecipePath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECIPE")]
 MotionNames = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[MOTION ...]")]
 

@@ -19,7 +19,10 @@ Positional = tyro.conf.Positional
 
 @dataclass(frozen=True)
 class Review:
-    """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories."""
+    """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories.
+
+    Example: kine2go dataset review runs/demo/dataset.zarr --step --worst 50
+    """
 
     target: Positional[Path]
     """A dataset (.zarr), or a clip (.npz) made by 'kine2go motion retarget'."""

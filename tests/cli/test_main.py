@@ -128,7 +128,7 @@ BAD_INPUT = {
     "folder for a clip": ("train .", "not a clip"),
     "missing policy": ("gather policy", "no policy here"),
     "evaluation of nothing": ("eval policy", "no policy here"),
-    "evaluation of no worlds": ("eval policy --worlds 0", "worlds must be at least 1"),
+    "evaluation of no worlds": ("eval policy --worlds 0", "worlds is 0; it must be from 1"),
     "export of nothing": ("export-policy policy", "no policy here"),
     "sim2sim of nothing": ("sim2sim policy", "no policy here"),
     "missing recipe": ("run recipe.toml", "no such recipe"),
