@@ -2,11 +2,14 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from kine2go_warp.errors import CatalogueError
+
+if TYPE_CHECKING:
+    from kine2go_warp.dataset.motion import Motion
 
 DATA_VARIABLE = "KINE2GO_DATA"
 
@@ -41,3 +44,13 @@ def data_folder(given: Path | None) -> Path | None:
     if folder is not None and not folder.is_dir():
         raise CatalogueError(f"{folder}: no such folder of source clips")
     return folder
+
+
+def check_data(motion: "Motion") -> None:
+    """Check that the arrays of a motion are there, by its first trajectory, before long work begins.
+
+    Raises:
+        DatasetError: an array cannot be read, or data are missing.
+    """
+    for _ in motion.read([one for one in motion.references() if one.length > 0][:1], None):
+        pass

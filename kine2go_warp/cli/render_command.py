@@ -45,11 +45,13 @@ class Render:
     def run(self) -> int:
         """Draw with a progress bar and say what was written."""
         from kine2go_warp.cli.progress import bar
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.renders.video import RenderConfig, render_video
 
         width, height = parsed_size(self.size)
         config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
         chosen = self.trajectories or (0,)
+        open_dataset(self.dataset).left_out(self.motion)  # a damaged file of verdicts is an error everywhere
         with bar("drawing") as advanced:
             record = render_video(self.dataset, self.motion, chosen, self.out, config, advanced, self.overwrite)
         print(

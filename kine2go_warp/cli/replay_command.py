@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import DatasetPath
+from kine2go_warp.cli.data import DatasetPath, check_data
 
 if TYPE_CHECKING:
     from kine2go_warp.rollouts.replay import ReplayResult
@@ -44,6 +44,7 @@ class Replay:
         motions = dataset.chosen([] if self.motion is None else [self.motion])
         for motion in motions:
             dataset.left_out(motion)  # a damaged file of verdicts is an error everywhere
+            check_data(dataset.motion(motion))
 
         from kine2go_warp.cli.progress import tracked
         from kine2go_warp.cli.tables import print_replays, say

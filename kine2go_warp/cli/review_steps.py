@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from kine2go_warp.cli.data import check_data
 from kine2go_warp.cli.review_views import Views
 from kine2go_warp.cli.texts import printable
 from kine2go_warp.dataset.limit_usage import STORED, LimitUsage, limit_usages
@@ -132,8 +133,7 @@ def by_limit_usage(motions: Sequence[Motion], again: bool, by: str = "") -> list
     for motion in tracked(motions, "reading", Console(stderr=True)):
         done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
-        for _ in motion.read(wanted[:1], None):
-            pass  # refuses missing data before the first question
+        check_data(motion)
         found += limit_usages(motion, wanted)
     return sorted(found, key=lambda one: -one.ratio(by))
 

@@ -24,8 +24,9 @@ import numpy as np
 import zarr
 
 from kine2go_warp.cli.main import COMMANDS, imported, main
+from kine2go_warp.metrics import FILTER_METRICS
 
-PATIENCE = 60
+PATIENCE = 30
 """Longest time of one input [s]; what has not ended by then was accepted."""
 
 
@@ -303,8 +304,9 @@ LARGE_IS_FINE = {
     "policy ablate": {"--processes"},
     "policy train": {"--processes"},
     "run": {"--workers"},
+    "dataset gather": {"--" + limit.setting.replace("_", "-") for limit in FILTER_METRICS},
 }
-"""Numbers without an upper end: as many as there are, or as the machine has time for."""
+"""Numbers without an upper end: as many as there are or as there is time for, and limits that are switched off."""
 
 NEGATIVE_IS_FINE = {"motion cycles": {"--travel"}}
 
@@ -440,5 +442,5 @@ if __name__ == "__main__":
         ended = []
         for one in inputs:
             ended.append(end_of(one, work))
-            print("." if ended[-1].is_good else "F", end="", file=sys.stderr, flush=True)
+            print("." if ended[-1].is_good else report(ended[-1:]), end="", file=sys.stderr, flush=True)
         print(report(ended))
