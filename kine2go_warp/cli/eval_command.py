@@ -46,6 +46,7 @@ class Eval:
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+        policy.latest_checkpoint()
 
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.device import choose_device

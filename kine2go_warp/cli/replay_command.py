@@ -41,6 +41,7 @@ class Replay:
         if self.count < 1:
             raise DatasetError(f"count is {self.count}; it must be at least 1")
         dataset = open_dataset(self.dataset)
+        spec = dataset.robot
         motions = dataset.chosen([] if self.motion is None else [self.motion])
         for motion in motions:
             dataset.left_out(motion)  # a damaged file of verdicts is an error everywhere
@@ -55,7 +56,7 @@ class Replay:
         results: list[tuple[str, str, list[ReplayResult]]] = []
         for motion in tracked(motions, "replaying"):
             opened = dataset.motion(motion)
-            if note := model_difference(opened.attributes, dataset.robot):
+            if note := model_difference(opened.attributes, spec):
                 say(f"{motion}: made with another robot model ({note})")
             gathered_on = str(opened.attributes.get("device", "cpu"))
             device = choose_device(self.device or gathered_on)

@@ -131,7 +131,7 @@ class Review:
         for name, least in (("worst", 1), ("trajectories", 1), ("port", 1)):
             value = getattr(self, name)
             if value is not None and not least <= value <= 65_534:
-                raise DatasetError(f"--{name} is {value}; it must be from {least} to 65,534")
+                raise DatasetError(f"--{name} must be at least {least} and at most 65,534, not {value}")
 
     def _motions(self) -> "list[Motion]":
         """Return the motions that are named, or all.

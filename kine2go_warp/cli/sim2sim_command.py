@@ -47,6 +47,7 @@ class Sim2Sim:
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+        policy.latest_checkpoint()
 
         from kine2go_warp.deployment.metadata import read_metadata
 
