@@ -18,7 +18,7 @@ REGISTRY = tyro.constructors.ConstructorRegistry()
 """The package's own rules."""
 
 UNSAID: tuple[Any, ...] = (None, False, (), "")
-"""Defaults that help does not name: the text of the option says what happens without it."""
+"""Defaults that help does not name, and no default: the text of the option says what happens without it."""
 
 REWORDED = (
     (r"^Error parsing (\S+): ", r"\1: "),
@@ -58,14 +58,15 @@ def parse(kind: Any, program: str, arguments: Sequence[str], default: Any = None
 
 def condensed(box: str) -> str:
     """Return what tyro says of wrong arguments, a box of several lines, as one: what is wrong, and the nearest name."""
-    lines = [line.strip("│╭╰╮╯").rstrip() for line in box.splitlines()]
-    lines = [line for line in lines if line.strip() and not line.startswith("─ ")]
-    rules = [number for number, line in enumerate(lines) if set(line.strip()) <= {"─"}] or [len(lines)]
-    first = [line for line in lines[: rules[0]] if not line.startswith(" " * 9)]
+    # Lines of text begin with a bar and a space, or with two spaces where all is ASCII; the title does not.
+    framed = [line[2:].rstrip("│ ") for line in box.splitlines() if re.match(r"[│ ] ", line)]
+    lines = [line for line in framed or box.splitlines() if line.strip()]
+    rules = [number for number, line in enumerate(lines) if set(line.strip()) <= set("─-")] or [len(lines)]
+    first = [line for line in lines[: rules[0]] if not line.startswith(" " * 8)]
     said = " ".join(" ".join(first).split()) or "these arguments cannot be read"
     for pattern, better in REWORDED:
         said = re.sub(pattern, better, said)
-    near = [line.split()[0].rstrip(",") for line in lines[rules[0] :] if line.strip().startswith("--")]
+    near = [line.split()[0].rstrip(",") for line in lines[rules[0] :] if re.match(r"\s*--\w", line)]
     is_unknown = said.startswith("Unrecognized")
     return said[0].lower() + said[1:].rstrip(".") + (f"; did you mean {near[0]}?" if near and is_unknown else "")
 
@@ -74,7 +75,7 @@ def leave_defaults_unsaid(kind: Any) -> None:
     """Make the help of a command's options leave out defaults such as ``None``."""
     for base in reversed(kind.__mro__):
         for name, hint in list(vars(base).get("__annotations__", {}).items()):
-            if name in vars(base) and any(vars(base)[name] is value for value in UNSAID):
+            if any(vars(base).get(name, None) is value for value in UNSAID):
                 base.__annotations__[name] = Annotated[hint, tyro.conf.arg(help_behavior_hint="")]
 
 

@@ -19,7 +19,7 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.tables import Cell, Table, make_table
+from kine2go_warp.tables import Cell, Column, Table, make_table
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -73,16 +73,17 @@ def print_table(table: Table, output: Console | None = None) -> None:
     rows = [
         tuple(replace(cell, text=printable(cell.text)) for cell in row) for row in (*table.rows, table.total) if row
     ]
-    widths = [max([0, *(len(row[place].text) for row in rows)]) for place in range(len(table.columns))]
+    columns = [replace(column, text=printable(column.text)) for column in table.columns]
+    widths = [max([0, *(len(row[place].text) for row in rows)]) for place in range(len(columns))]
     least = [
         max([width if column.number else min(width, FOLDED), *map(len, column.heading.split())])
-        for width, column in zip(widths, table.columns, strict=True)
+        for width, column in zip(widths, columns, strict=True)
     ]
     if sum(least) + 3 * len(least) + 1 > output.width:
-        _print_blocks(table, rows, output)
+        _print_blocks(columns, rows, output)
         return
     made = RichTable()
-    for column, width in zip(table.columns, least, strict=True):
+    for column, width in zip(columns, least, strict=True):
         heading = "\n".join(textwrap.wrap(column.heading, width, break_long_words=False, break_on_hyphens=False))
         side = "right" if column.number else "left"
         made.add_column(Text(heading), justify=side, no_wrap=column.number, min_width=width, overflow="fold")
@@ -91,11 +92,11 @@ def print_table(table: Table, output: Console | None = None) -> None:
     output.print(made)
 
 
-def _print_blocks(table: Table, rows: Sequence[tuple[Cell, ...]], output: Console) -> None:
+def _print_blocks(columns: Sequence[Column], rows: Sequence[tuple[Cell, ...]], output: Console) -> None:
     """Print a table as blocks: the first cell of a row, then a line for each of the others that is not empty."""
     for row in rows:
         output.print(Text(row[0].text, "bold"), soft_wrap=True)
-        for column, cell in zip(table.columns[1:], row[1:], strict=True):
+        for column, cell in zip(columns[1:], row[1:], strict=True):
             if cell.text:
                 output.print(Text(f"  {column.heading}: ").append(cell.text, cell.style), soft_wrap=True)
 

@@ -121,7 +121,7 @@ def default_train(arguments: Sequence[str]) -> Train:
         Kine2GoError: there is no such preset or file, or a setting in the file is wrong.
     """
     preset, config = option(arguments, "--preset"), option(arguments, "--config")
-    found = find_preset(preset or FAST.preset)
+    found = find_preset(FAST.preset if preset is None else preset)
     if config is not None:
         values, text = read_toml(Path(config))
         section, locate = values.get("train", {}), partial(place_in, text)
