@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from kine2go_warp.kernels.rotations import heading_of, yaw_rotation
+from kine2go_warp.kernels.rotations import heading_of, wxyz, yaw_rotation
 from kine2go_warp.kernels.state import (
     RobotState,
     leg_joint_position,
@@ -110,22 +110,50 @@ def leg_point_velocity_w(robot: RobotState, geometry: LegGeometry, world: int, l
     return root_linear_velocity_w(robot, world) + wp.cross(root_angular_velocity_w(robot, world), arm_w) + relative_w
 
 
+@wp.func
+def link_rotation_b(point: int, q: wp.vec3) -> wp.quat:
+    """Return the orientation of hip (0), thigh (1), calf (2) or foot (3), which is fixed to the calf, in the base."""
+    pitch = float(0.0)
+    if point > 0:
+        pitch = q[1]
+    if point > 1:
+        pitch += q[2]
+    return hip_rotation(q[0]) * wp.quat(0.0, wp.sin(0.5 * pitch), 0.0, wp.cos(0.5 * pitch))
+
+
+@wp.func
+def link_angular_velocity_b(point: int, q: wp.vec3, qd: wp.vec3) -> wp.vec3:
+    """Return the angular velocity of such a link relative to the base, in the base frame [rad/s]."""
+    velocity = wp.vec3(0.0, 0.0, 0.0)
+    for joint in range(3):
+        if joint <= point:
+            velocity += joint_axis_b(joint, q[0]) * qd[joint]
+    return velocity
+
+
 @wp.kernel
 def link_states(
     robot: RobotState,
     geometry: LegGeometry,
     position: wp.array2d(dtype=wp.vec3),
+    orientation: wp.array2d(dtype=wp.vec4),
     velocity: wp.array2d(dtype=wp.vec3),
+    angular_velocity: wp.array2d(dtype=wp.vec3),
 ):
-    """Write position [m] and velocity [m/s] of 12 joint centres and 4 feet in the world, shape [num_worlds, 16].
+    """Write pose and velocities of 12 leg links and 4 feet in the world, shape [num_worlds, 16].
 
-    Launched over [num_worlds, 4 legs, 4 points].
+    Positions [m] and velocities [m/s] are those of the joint centres and feet, orientations are (w, x, y, z), angular
+    velocities in rad/s. Launched over [num_worlds, 4 legs, 4 points].
     """
     world, leg, point = wp.tid()
     slot = 3 * leg + point
     if point == 3:
         slot = 12 + leg
     q = leg_joint_position(robot, world, leg)
-    arm_w = wp.quat_rotate(root_orientation(robot, world), leg_point_b(geometry, leg, point, q))
-    position[world, slot] = root_position(robot, world) + arm_w
+    qd = leg_joint_velocity(robot, world, leg)
+    root = root_orientation(robot, world)
+    position[world, slot] = root_position(robot, world) + wp.quat_rotate(root, leg_point_b(geometry, leg, point, q))
+    orientation[world, slot] = wxyz(root * link_rotation_b(point, q))
     velocity[world, slot] = leg_point_velocity_w(robot, geometry, world, leg, point)
+    turning_b = link_angular_velocity_b(point, q, qd)
+    angular_velocity[world, slot] = root_angular_velocity_w(robot, world) + wp.quat_rotate(root, turning_b)

@@ -4,6 +4,7 @@ import warp as wp
 
 from kine2go_warp.kernels.kinematics import LegGeometry, foot_position_b
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState, frame_at
+from kine2go_warp.kernels.rotations import wxyz
 from kine2go_warp.kernels.state import (
     NUM_LEGS,
     RobotState,
@@ -14,12 +15,6 @@ from kine2go_warp.kernels.state import (
 )
 
 wp.set_module_options({"enable_backward": False})
-
-
-@wp.func
-def wxyz(rotation: wp.quat) -> wp.vec4:
-    """Return a quaternion in the order of the dataset."""
-    return wp.vec4(rotation[3], rotation[0], rotation[1], rotation[2])
 
 
 @wp.kernel

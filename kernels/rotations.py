@@ -6,6 +6,12 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.func
+def wxyz(rotation: wp.quat) -> wp.vec4:
+    """Return a quaternion in the order of the dataset."""
+    return wp.vec4(rotation[3], rotation[0], rotation[1], rotation[2])
+
+
+@wp.func
 def yaw_rotation(yaw: float) -> wp.quat:
     """Return the rotation about the world's z axis by ``yaw`` [rad]."""
     return wp.quat(0.0, 0.0, wp.sin(0.5 * yaw), wp.cos(0.5 * yaw))

@@ -1,15 +1,19 @@
 """The catalogue: which motion is in which file, from which frame to which."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin
+from kine2go_warp.motions.config import Mode
 from kine2go_warp.motions.keypoints import FrameRange
-from kine2go_warp.motions.sources import MotionSource, source_named
+from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
+from kine2go_warp.motions.sources.dialects import Dialect, parse_dialects
+from kine2go_warp.motions.sources.points import PointSource
 from kine2go_warp.names import check_name
 from kine2go_warp.toml import read_toml
 
@@ -27,10 +31,10 @@ class CatalogueEntry:
     source: str
     """Name of the ``MotionSource`` that reads it."""
     file: str
-    """Path within the data folder, or within the package if ``bundled``."""
+    """Path within the folder of the source clips, or within the package if ``bundled``, or within ``folder``."""
     frames: FrameRange
     rate: float
-    """Frames per second [Hz]; of a file that cannot tell its own, it is the file's."""
+    """Frames per second [Hz]; of a file that cannot tell its own, it is the file's. 0 if the file alone tells."""
     length: int
     """Rows of each trajectory in the paper's dataset."""
     sample: bool
@@ -41,11 +45,30 @@ class CatalogueEntry:
     sha256: str = ""
     """Checksum of the file, empty where it is not known."""
     description: str = ""
+    folder: str = ""
+    """Where the file of a motion without a collection lies."""
+    dialect: Dialect | None = None
+    """Description of the source, where the catalogue itself has it."""
+    scale: float = 0.0
+    """Size of the Go2 over that of this animal, where it is another than its source's; else 0."""
+    mode: str = ""
+    """How it is retargeted, where that is another way than the settings'."""
 
     @property
     def motion_source(self) -> MotionSource:
-        """The reader of this entry's file."""
-        return source_named(self.source)
+        """The reader of this entry's file.
+
+        Raises:
+            CatalogueError: a scale is stated for a source that is a class.
+        """
+        source = source_named(self.source) if self.dialect is None else source_of(self.source, self.dialect)
+        if self.scale == 0.0:
+            return source
+        if not isinstance(source, PointSource):
+            raise CatalogueError(
+                f"motion '{self.name}' states a scale, but the source {self.source} has one of its own"
+            )
+        return replace(source, scale=self.scale)
 
     def path(self, data_folder: Path | None) -> Path:
         """Return where the file lies.
@@ -55,6 +78,8 @@ class CatalogueEntry:
         """
         if self.bundled:
             return BUNDLED_FOLDER / self.file
+        if self.folder:
+            return Path(self.folder) / self.file
         if data_folder is None:
             raise CatalogueError(
                 f"motion '{self.name}' needs the file {self.file}: name the folder of the source clips with --data "
@@ -64,7 +89,7 @@ class CatalogueEntry:
 
     def is_there(self, data_folder: Path | None) -> bool:
         """Return whether the file is there."""
-        if not self.bundled and data_folder is None:
+        if not self.bundled and not self.folder and data_folder is None:
             return False
         return self.motion_source.data_file(self.path(data_folder)).is_file()
 
@@ -101,7 +126,7 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
     """
     if own is None:
         return bundled_catalogue()
-    return bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own))
+    return bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
 
 
 COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
@@ -115,15 +140,27 @@ MOTION_FIELDS = {
     "rate": float,
     "sample": bool,
     "description": str,
+    "scale": float,
+    "mode": str,
 }
-"""Fields and their types. All but those in ``OPTIONAL`` and a motion's own rate must be there."""
-OPTIONAL = ("bundled", "start", "end", "length", "sample", "description")
+LOOSE_FIELDS = {**MOTION_FIELDS, "source": str, "licence": str, "citation": str}
+del LOOSE_FIELDS["collection"]
+"""Fields and their types: of a collection, of a motion in one, and of a motion whose file lies beside the catalogue.
+
+All but those in ``OPTIONAL`` and a motion's own rate must be there.
+"""
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode")
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
 
 
-def parse_catalogue(text: str, where: str) -> dict[str, CatalogueEntry]:
+def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[str, CatalogueEntry]:
     """Return the entries of a catalogue by name.
+
+    Args:
+        text: Of the file.
+        where: Name of the file.
+        folder: Where the file lies, for motions without a collection.
 
     Raises:
         CatalogueError: it is not TOML, or a field is missing, unknown or of another type; the message names the line.
@@ -136,24 +173,31 @@ def parse_catalogue(text: str, where: str) -> dict[str, CatalogueEntry]:
         kind: [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith(kind)]
         for kind in ("[collection.", "[[motion]]")
     }
+    dialects = parse_dialects(content, text, where)
+    if taken := sorted(set(dialects) & set(SOURCES)):
+        raise CatalogueError(f"{where}: [source.{taken[0]}] is the name of a source of the package; choose another")
     collections = content.get("collection", {})
     for line, (name, values) in zip(headers["[collection."], collections.items(), strict=False):
         check_fields(values, COLLECTION_FIELDS, f"{where}, line {line}, [collection.{name}]")
     entries: dict[str, CatalogueEntry] = {}
     for line, motion in zip(headers["[[motion]]"], content.get("motion", []), strict=False):
         here = f"{where}, line {line}, [[motion]]"
-        check_fields(motion, MOTION_FIELDS, here)
+        is_loose = "collection" not in motion and "source" in motion
+        check_fields(motion, LOOSE_FIELDS if is_loose else MOTION_FIELDS, here)
         check_name(motion["name"], here, CatalogueError)
-        if motion["collection"] not in collections:
+        if not is_loose and motion["collection"] not in collections:
             raise CatalogueError(f"{here}: there is no [collection.{motion['collection']}]")
         if motion["name"] in entries:
             raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
-        collection = collections[motion["collection"]]
+        collection = {"folder": "", "rate": 0.0, **motion} if is_loose else collections[motion["collection"]]
+        if is_loose and not collection["licence"].strip():
+            raise CatalogueError(f"{here}: licence is empty; it goes with the data that are made of the motion")
+        file = collection["folder"] + motion["file"]
         entries[motion["name"]] = CatalogueEntry(
             name=motion["name"],
-            collection=motion["collection"],
+            collection=motion.get("collection", ""),
             source=collection["source"],
-            file=collection["folder"] + motion["file"],
+            file=file,
             frames=FrameRange(motion.get("start", 0), motion.get("end", -1)),
             rate=motion.get("rate", collection["rate"]),
             length=motion.get("length", DEFAULT_LENGTH),
@@ -161,8 +205,12 @@ def parse_catalogue(text: str, where: str) -> dict[str, CatalogueEntry]:
             bundled=collection.get("bundled", False),
             licence=collection["licence"],
             citation=collection["citation"],
-            sha256=content.get("sha256", {}).get(collection["folder"] + motion["file"].partition(":")[0], ""),
+            sha256=content.get("sha256", {}).get(file.partition(":")[0], ""),
             description=motion.get("description", ""),
+            folder=str(folder or Path.cwd()) if is_loose else "",
+            dialect=dialects.get(collection["source"]),
+            scale=motion.get("scale", 0.0),
+            mode=motion.get("mode", ""),
         )
     return entries
 
@@ -173,7 +221,7 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
     Raises:
         CatalogueError: one is missing, unknown or of another type.
     """
-    optional = (*OPTIONAL, "rate") if "collection" in fields else OPTIONAL
+    optional = (*OPTIONAL, "rate") if "name" in fields else OPTIONAL
     missing = [name for name in fields if name not in values and name not in optional]
     unknown = [name for name in values if name not in fields]
     if missing or unknown:
@@ -183,8 +231,11 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
         kinds = (int, float) if fields[name] is float else (fields[name],)
         if not isinstance(value, kinds) or (isinstance(value, bool) and fields[name] is not bool):
             raise CatalogueError(f"{where}: {name} is {value!r}, not a {fields[name].__name__}")
-    if isinstance(rate := values.get("rate", 1.0), int | float) and not 1.0 <= rate <= 1000.0:
-        raise CatalogueError(f"{where}: rate is {rate:g}; choose 1 to 1000 Hz")
+    for name, least, greatest in (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3)):
+        if isinstance(number := values.get(name, 1.0), int | float) and not least <= number <= greatest:
+            raise CatalogueError(f"{where}: {name} is {number:g}; choose {least:g} to {greatest:g}")
+    if values.get("mode", "contact") not in get_args(Mode):
+        raise CatalogueError(f"{where}: mode is {values['mode']!r}; choose {' or '.join(get_args(Mode))}")
 
 
 def motion_named(name: str, own: Path | None = None) -> CatalogueEntry:

@@ -5,12 +5,14 @@ from typing import Literal
 
 from kine2go_warp.settings import check_ranges
 
+Mode = Literal["contact", "plain"]
+
 
 @dataclass(frozen=True)
 class RetargetConfig:
     """Settings of the retargeting stage."""
 
-    mode: Literal["contact", "plain"] = "contact"
+    mode: Mode = "contact"
     """``contact``: standing feet are held in place, nothing is below the floor, legs keep off their limits.
     ``plain``: the paper's frame-wise rule."""
     search_time: float = 0.35

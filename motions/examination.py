@@ -32,6 +32,8 @@ CATCH_UP = 2.0
 TRUNK_LENGTHS = (0.08, 0.8)
 """Shortest and longest trunk after scaling to the robot [m]."""
 UNITS = {"metres": 1.0, "centimetres": 1e-2, "millimetres": 1e-3, "inches": 0.0254, "feet": 0.3048}
+REST_FRAMES = 3
+"""A file may begin with so many frames of the pose that its skeleton was bound in."""
 PAIRS = ((0, 1), (2, 3))
 """Left and right leg, front and hind."""
 
@@ -113,6 +115,7 @@ def repaired(
         ClipError: a gap is too long, or at an end of the file.
     """
     lost = ~np.isfinite(points).all(axis=-1)
+    points, rested = without_rest_pose(points, size)
     faults = [("not finite", lost), ("all zeros", zeros(points, size))]
     points = filled(points, lost | faults[1][1], names, rate, where)
     points, swapped = unswapped(points, names, size)
@@ -126,7 +129,23 @@ def repaired(
         for point in range(len(names))
         for run in intervals(mask[:, point])
     ]
-    return points, shortened([*remarks, *swapped])
+    return points, shortened([*rested, *remarks, *swapped])
+
+
+def without_rest_pose(points: Array, size: float) -> tuple[Array, list[str]]:
+    """Return points without the pose in which a skeleton was bound, which some files have before their first frame.
+
+    The animal is then somewhere else at once. The frames stay, so that ranges count as in the file, with the first real
+    pose in them.
+    """
+    steps = np.nan_to_num(np.median(np.linalg.norm(np.diff(points[: 2 * REST_FRAMES + 2], axis=0), axis=-1), axis=1))
+    for count in range(1, min(REST_FRAMES, len(steps) - 3) + 1):
+        usual = max(np.median(steps[count:]), np.max(steps[: count - 1], initial=0.0))
+        if steps[count - 1] > GLITCH_SIZE * size + GLITCH_RATIO * usual:
+            points = points.copy()
+            points[:count] = points[count]
+            return points, [f"another pose in {span(0, count - 1)}, replaced by that of frame {count}"]
+    return points, []
 
 
 def shortened(remarks: list[str], most: int = 6) -> tuple[str, ...]:

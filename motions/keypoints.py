@@ -36,6 +36,8 @@ class KeypointMotion:
     """Positions in the ``KEYPOINTS`` order [m], z up, shape [num_frames, 10, 3]."""
     remarks: tuple[str, ...] = ()
     """What was repaired in the file."""
+    notes: tuple[str, ...] = ()
+    """What the file was taken for."""
 
     def __post_init__(self) -> None:
         if self.position.shape != (len(self.time), len(KEYPOINTS), 3):

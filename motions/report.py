@@ -10,6 +10,7 @@ import numpy as np
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.fidelity import Fidelity
+from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.quality import ClipQuality
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
@@ -123,5 +124,36 @@ def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:
             for foot in (0, 2):
                 axes.axhline(limits[3 * foot + row], color="grey", linestyle=":", linewidth=0.8)
         axes.set(ylabel=f"{joint} [rad]", xlabel="time [s]")
+    with atomic_file(path) as temporary:
+        figure.savefig(temporary, dpi=80)
+
+
+def draw_motion(motion: KeypointMotion, title: str, path: Path) -> None:
+    """Draw the animal of a file: its skeleton at some moments from the side, its way from above, its toes over time."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    side, above, heights = figure.subplots(3, 1)
+    forward = np.median(motion.point("neck") - motion.point("pelvis"), axis=0)[:2]
+    forward /= max(np.linalg.norm(forward), 1e-9)
+    for index, frame in enumerate(np.linspace(0, motion.num_frames - 1, 8).round().astype(int)):
+        points = motion.position[frame] - motion.position[frame, 0] * [1.0, 1.0, 0.0]
+        along = points[:, :2] @ forward + 1.8 * index * motion.trunk_length
+        for first, second in BONES:
+            leg = KEYPOINTS[second][:2]
+            colour = COLOURS[LEG_NAMES.index(leg)] if leg in LEG_NAMES else "black"
+            side.plot(along[[first, second]], points[[first, second], 2], color=colour)
+    side.set(ylabel="height [m]", aspect="equal", title="eight moments from its right")
+    for leg, colour in zip(LEG_NAMES, COLOURS, strict=True):
+        toe = motion.point(f"{leg}_toe")
+        above.plot(*toe[:, :2].T, color=colour, linewidth=0.7, label=leg)
+        heights.plot(motion.time, toe[:, 2], color=colour, linewidth=0.7)
+    above.plot(*motion.point("pelvis")[:, :2].T, color="black")
+    above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="from above: pelvis (black) and toes")
+    above.legend(ncols=4, fontsize="small")
+    heights.set(xlabel="time [s]", ylabel="height of toes [m]")
     with atomic_file(path) as temporary:
         figure.savefig(temporary, dpi=80)

@@ -104,9 +104,10 @@ def retarget(
     """
     source = entry.motion_source
     path = entry.path(data_folder)
-    motion = source.load(path, entry.rate)
-    if abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
+    motion = source.load(path, entry.rate or None)
+    if entry.rate and abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
         raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
+    config = replace(config, mode=entry.mode) if entry.mode else config
     start, end = entry.frames.resolve(motion.num_frames, str(path))
     scale = source.proportions(solver.spec).scale
     scaled = motion.scaled(scale)

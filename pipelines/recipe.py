@@ -52,7 +52,7 @@ class Recipe:
     motions: tuple[str, ...]
     """Names of catalogue entries."""
     catalogue: str = ""
-    """TOML file with motions of your own, in the form of the catalogue."""
+    """TOML file with motions of your own, in the form of the catalogue; the recipe itself where it has [[motion]]."""
     robot: str = DEFAULT_ROBOT
     """Name of a robot, or FILE.py:NAME for one of your own."""
     accept: tuple[str, ...] = ()
@@ -84,12 +84,29 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
         known = ", ".join(sorted(recipe.stem for recipe in RECIPE_FOLDER.glob("*.toml")))
         raise RecipeError(f"{path}: no such recipe; bundled ones are: {known}")
     values, text = read_toml(path, RecipeError)
+    take_catalogue(values, path)
     recipe = check_recipe(values, str(path), text)
     if overrides:
         for one in overrides:
             apply_override(values, one)
         recipe = check_recipe(values, "--set")
     return recipe
+
+
+def take_catalogue(values: dict[str, Any], path: Path) -> None:
+    """Make a recipe that holds motions of its own, as a catalogue does, its own catalogue.
+
+    Raises:
+        RecipeError: it names another catalogue, too.
+    """
+    own = {key: values.pop(key) for key in ("source", "collection", "motion") if key in values}
+    if not own:
+        return
+    if "catalogue" in values:
+        raise RecipeError(f"{path}: has [[motion]] and names a catalogue; put the motions into one of the two")
+    values["catalogue"] = str(path.resolve())
+    names = [one.get("name") for one in own.get("motion", []) if isinstance(one, dict)]
+    values.setdefault("motions", names)
 
 
 def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:

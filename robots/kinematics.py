@@ -1,18 +1,27 @@
 """Closed-form forward kinematics in NumPy, vectorised over any leading dimensions, in double precision."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.robots.spec import RobotSpec
+from kine2go_warp.robots.spec import Leg, RobotSpec
 from kine2go_warp.rotations import rotate
 
 Array = NDArray[np.float64]
 
 
-def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
+class HasLegs(Protocol):
+    """A robot, or as much of one as its legs."""
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """FL, FR, RL, RR."""
+        ...
+
+
+def leg_points(spec: HasLegs, joint_position: Array) -> Array:
     """Return hip, thigh and calf joint centres and foot centres in the base frame.
 
     Args:
@@ -32,7 +41,7 @@ def leg_points(spec: RobotSpec, joint_position: Array) -> Array:
     return np.stack([hip, thigh, calf, foot], axis=-2)
 
 
-def _dimensions(spec: RobotSpec) -> tuple[Array, Array, Array, Array]:
+def _dimensions(spec: HasLegs) -> tuple[Array, Array, Array, Array]:
     """Return hip and thigh offsets, shape [4 legs, 3], and lengths of thighs and calves, shape [4 legs] [m]."""
     legs = spec.legs
     offsets = np.array([(leg.hip_offset, leg.thigh_offset) for leg in legs])
@@ -47,7 +56,7 @@ def link_positions(spec: RobotSpec, joint_position: Array) -> Array:
     return np.concatenate([joints, points[..., 3, :]], axis=-2)
 
 
-def foot_positions(spec: RobotSpec, joint_position: Array) -> Array:
+def foot_positions(spec: HasLegs, joint_position: Array) -> Array:
     """Return the foot centres in the base frame [m], shape [..., 4, 3]."""
     return leg_points(spec, joint_position)[..., 3, :]
 
@@ -64,16 +73,36 @@ def _rotate_x(angle: Array, vector: Array) -> Array:
     return np.stack([x, cosine * y - sine * z, sine * y + cosine * z], axis=-1)
 
 
+def link_rotations(spec: RobotSpec, joint_position: Array) -> Array:
+    """Return the orientations of the links named by ``RobotSpec.link_names`` in the base frame, shape [..., 16, 3, 3].
+
+    A foot is fixed to its calf.
+    """
+    angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
+    pitch = np.cumsum(angles * (0.0, 1.0, 1.0), axis=-1)
+    axis = np.broadcast_to([0.0, 1.0, 0.0], (*pitch.shape, 3))
+    forward = np.stack([np.cos(pitch), np.zeros_like(pitch), -np.sin(pitch)], axis=-1)
+    up = np.stack([np.sin(pitch), np.zeros_like(pitch), np.cos(pitch)], axis=-1)
+    turned = np.stack([_rotate_x(angles[..., :1], column) for column in (forward, axis, up)], axis=-1)
+    joints = turned.reshape(*turned.shape[:-4], 3 * len(spec.legs), 3, 3)
+    return np.concatenate([joints, turned[..., 2, :, :]], axis=-3)
+
+
+def link_turning(spec: RobotSpec, joint_position: Array, joint_velocity: Array) -> Array:
+    """Return the angular velocities of those links relative to the base, in the base frame [rad/s], [..., 16, 3]."""
+    shape = (*np.shape(joint_position)[:-1], len(spec.legs), 3)
+    hip, rates = np.asarray(joint_position, np.float64).reshape(shape)[..., :1], np.reshape(joint_velocity, shape)
+    # The hip turns about x; thigh and knee turn about the y axis of the hip.
+    pitch = np.cumsum(np.asarray(rates, np.float64) * (0.0, 1.0, 1.0), axis=-1)
+    roll = np.broadcast_to(rates[..., :1], pitch.shape)
+    turning = np.stack([roll, np.cos(hip) * pitch, np.sin(hip) * pitch], axis=-1)
+    joints = turning.reshape(*shape[:-2], 3 * len(spec.legs), 3)
+    return np.concatenate([joints, turning[..., 2, :]], axis=-2)
+
+
 def shank_rotations(spec: RobotSpec, joint_position: Array) -> Array:
     """Return the orientations of the calf links in the base frame, shape [..., 4, 3, 3]."""
-    angles = np.asarray(joint_position, dtype=np.float64).reshape(*np.shape(joint_position)[:-1], len(spec.legs), 3)
-    roll, pitch = angles[..., 0], angles[..., 1] + angles[..., 2]
-    columns = (
-        np.stack([np.cos(pitch), np.zeros_like(pitch), -np.sin(pitch)], axis=-1),
-        np.broadcast_to([0.0, 1.0, 0.0], (*pitch.shape, 3)),
-        np.stack([np.sin(pitch), np.zeros_like(pitch), np.cos(pitch)], axis=-1),
-    )
-    return np.stack([_rotate_x(roll, column) for column in columns], axis=-1)
+    return link_rotations(spec, joint_position)[..., -len(spec.legs) :, :, :]
 
 
 def contact_velocity(foot_velocity: Array, angular_velocity: Array, radius: float) -> Array:
@@ -100,15 +129,8 @@ def contact_velocities(spec: RobotSpec, rows: Mapping[str, NDArray[Any]]) -> Arr
         rows: Row arrays of a dataset by name: velocities of the links, orientation and angular velocity of the root,
             positions and velocities of the joints, each of shape [..., *row].
     """
-    joints, rates = (
-        np.asarray(rows[name], np.float64).reshape(*np.shape(rows[name])[:-1], len(spec.legs), 3)
-        for name in ("joint_position", "joint_velocity")
-    )
-    # The hip turns about x; thigh and knee turn about the y axis of the hip.
-    pitch = rates[..., 1] + rates[..., 2]
-    hip = joints[..., 0]
-    turning_b = np.stack([rates[..., 0], np.cos(hip) * pitch, np.sin(hip) * pitch], axis=-1)
-    turning = rotate(rows["root_orientation"][..., None, :], turning_b) + rows["root_angular_velocity"][..., None, :]
+    shanks_b = link_turning(spec, rows["joint_position"], rows["joint_velocity"])[..., -len(spec.legs) :, :]
+    turning = rotate(rows["root_orientation"][..., None, :], shanks_b) + rows["root_angular_velocity"][..., None, :]
     feet = np.asarray(rows["link_linear_velocity"], np.float64)[..., -len(spec.legs) :, :]
     return contact_velocity(feet, turning, spec.foot_radius)
 

@@ -128,7 +128,7 @@ def clean_dataset(policy: PolicyFolder, tmp_path_factory: pytest.TempPathFactory
     folder = tmp_path_factory.mktemp("dataset")
     # A policy after three iterations drifts far; these limits keep all of its rollouts.
     drawn = randomized(MILD, push_interval=(1.0, 2.0), push_speed=(0.1, 0.2))
-    loose = GatherConfig(trajectories=5, rows=150, randomization=drawn, **ANYTHING_GOES)
+    loose = GatherConfig(trajectories=5, rows=150, randomization=drawn, observations=True, **ANYTHING_GOES)
     gather(policy, DatasetWriter(folder / "gathered.zarr", GO2), loose, "cpu")
     motion = open_dataset(folder / "gathered.zarr", include_rejected=True).load("dog_trot")
     length = np.array([150, 150, 130, 150, 150], dtype=np.int32)

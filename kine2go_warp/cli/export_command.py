@@ -24,6 +24,8 @@ class Export:
     """lerobot (dataset v3.0) or npz."""
     out: Path | None = None
     """Folder to create; by default beside the dataset, named after it and the format."""
+    include_rejected: bool = False
+    """Also export rollouts that gathering rejected, with the reason, and those that a review rejected."""
     overwrite: bool = False
     """Replace an older export in that folder."""
 
@@ -37,7 +39,9 @@ class Export:
 
         out = self.out or default_folder(self.dataset, self.format)
         with bar(f"exporting to {self.format}") as advanced:
-            record = export_dataset(self.dataset, self.format, out, self.motions, self.overwrite, advanced)
+            record = export_dataset(
+                self.dataset, self.format, out, self.motions, self.overwrite, advanced, self.include_rejected
+            )
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
         trajectories, motions = counted(record.trajectories, "trajectory"), counted(len(record.motions), "motion")
         print(

@@ -19,6 +19,7 @@ COMMANDS = {
     "run": "run_command:Run",
     "status": "run_command:Status",
     "motion sources": "motion_commands:Sources",
+    "motion new": "new_motion_command:NewMotion",
     "motion retarget": "motion_commands:Retarget",
     "motion cycles": "motion_commands:Cycles",
     "policy train": "train_command:Train",

@@ -1,6 +1,8 @@
 """The commands that prepare motions: sources, cycles, retarget, bench."""
 
+import os
 import sys
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,8 +17,60 @@ from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from kine2go_warp.motions.catalogue import CatalogueEntry
+    from kine2go_warp.motions.keypoints import FrameRange
 
 Positional = tyro.conf.Positional
+
+
+@dataclass(frozen=True)
+class OwnFileOptions:
+    """What is told about files that no catalogue names."""
+
+    source: str = ""
+    """Which source reads a file of your own: one of the package or of --catalogue, or FILE.py:NAME; by default the one
+    that recognises it."""
+    frames: str = ""
+    """Range of a file of your own, as in 120:180; by default all of it."""
+    name: str = ""
+    """Name of the motion in a file of your own; by default that of the file."""
+    rate: float | None = None
+    """Frames per second of a file that cannot tell its own [Hz]."""
+    licence: str = ""
+    """Licence of a file of your own; it goes with the data that are made of it."""
+    citation: str = ""
+    """Whom to name for a file of your own."""
+
+    def entry(self, path: Path, own: Path | None) -> "CatalogueEntry":
+        """Return what a catalogue would say about a file."""
+        from kine2go_warp.motions.own_file import OwnFile
+
+        if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
+            raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
+        licence = self.licence
+        if not licence and sys.stdin.isatty():
+            licence = ask(f"Under which licence may {path.name} be used? ")
+        return OwnFile(
+            path, licence, self.name, self.source, parsed_range(self.frames), self.rate or 0.0, self.citation
+        ).entry(own)
+
+
+def parsed_range(text: str) -> "FrameRange":
+    """Return a range such as ``120:180``; either end may be left out.
+
+    Raises:
+        Kine2GoError: it is none.
+    """
+    from kine2go_warp.motions.keypoints import FrameRange
+
+    start, colon, end = text.partition(":")
+    if text and not (colon and all(part == "" or part.isdigit() for part in (start, end))):
+        raise Kine2GoError(f"--frames {text}: expected START:END, as in 120:180")
+    return FrameRange(int(start or 0), int(end or -1))
+
+
+def is_file(name: str, known: Container[str]) -> bool:
+    """Return whether a text names a file rather than a motion of the catalogue."""
+    return name not in known and (os.sep in name or "." in name or Path(name).is_file())
 
 
 def chosen_entries(names: tuple[str, ...], every: bool, own: Path | None) -> "list[CatalogueEntry]":
@@ -36,13 +90,13 @@ def chosen_entries(names: tuple[str, ...], every: bool, own: Path | None) -> "li
 
 @dataclass(frozen=True)
 class Retarget:
-    """Retarget motions of the catalogue to a robot, save them as clips and report on their quality.
+    """Retarget motions to a robot, save them as clips and report on their quality.
 
     Example: kine2go motion retarget dog_trot --out runs/clips
     """
 
     motions: MotionNames
-    """Names of catalogue entries, such as dog_trot."""
+    """Names of catalogue entries, such as dog_trot, or motion files of your own, such as ./walk.bvh."""
     all: bool = False
     """Every motion of the catalogue whose file is there."""
     robot: Robot = DEFAULT_ROBOT
@@ -54,6 +108,7 @@ class Retarget:
     """Draw a picture of each clip beside it."""
     markdown: Path | None = None
     """Write the table of metrics to this file, too."""
+    own: tyro.conf.OmitArgPrefixes[OwnFileOptions] = field(default_factory=OwnFileOptions)
     config: tyro.conf.OmitArgPrefixes[RetargetConfig] = field(default_factory=RetargetConfig)
 
     def run(self) -> int:
@@ -69,7 +124,7 @@ class Retarget:
 
         spec = robot_named(self.robot)
         folder = data_folder(self.data)
-        entries = chosen_entries(self.motions, self.all, self.catalogue)
+        entries = self.entries()
         missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
         solver = InverseKinematics(spec)
         present = [entry for entry in entries if entry not in missing]
@@ -99,6 +154,29 @@ class Retarget:
             print(f"kine2go: error: {sentence(failure)}", file=sys.stderr)
         return 2 if failures else 0
 
+    def entries(self) -> "list[CatalogueEntry]":
+        """Return what is to be retargeted.
+
+        Raises:
+            Kine2GoError: a motion or a file is not there, or an option is for one file but there are several.
+        """
+        from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+
+        known = load_catalogue(self.catalogue)
+        files = [name for name in self.motions if is_file(name, known)]
+        if len(files) != 1 and (self.own.frames or self.own.name):
+            raise Kine2GoError("--frames and --name are for one file of your own")
+        if self.all or not files:
+            return chosen_entries(self.motions, self.all, self.catalogue)
+        entries = [
+            self.own.entry(Path(name), self.catalogue) if name in files else motion_named(name, self.catalogue)
+            for name in self.motions
+        ]
+        names = [entry.name for entry in entries]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise Kine2GoError(f"two motions would be named '{twice}'; give one of them another --name")
+        return entries
+
 
 @dataclass(frozen=True)
 class Cycles:
@@ -109,8 +187,10 @@ class Cycles:
 
     file: Annotated[Positional[Path], tyro.conf.arg(metavar="FILE")]
     """A motion file (for Solo8: file.pt:K)."""
-    source: str = "ai4animation"
-    """Which reader the file needs: ai4animation, vhdc, solo8, or FILE.py:NAME for one of your own."""
+    source: str = ""
+    """Which source reads the file: one of the package or of --catalogue, or FILE.py:NAME; by default the one that
+    recognises it."""
+    catalogue: CatalogueFile = None
     rate: float | None = None
     """Frames per second of a file that cannot tell its own [Hz]; 60 by default."""
     shortest: float = 0.35
@@ -128,7 +208,7 @@ class Cycles:
         """Search and print a table."""
         from kine2go_warp.cli.tables import print_cycles
         from kine2go_warp.motions.cycle_search import find_cycles
-        from kine2go_warp.motions.sources import source_named
+        from kine2go_warp.motions.own_file import OwnFile
         from kine2go_warp.motions.targets import pose_targets
         from kine2go_warp.robots import robot_named
 
@@ -136,7 +216,7 @@ class Cycles:
             raise Kine2GoError("choose 0 < shortest <= longest and a count of at least 1")
         if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
             raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
-        source = source_named(self.source)
+        source = OwnFile(self.file, "", source=self.source, rate=self.rate or 0.0).reader(self.catalogue)
         motion = source.load(self.file, self.rate)
         if self.rate is not None and abs(motion.rate / self.rate - 1.0) > 0.01:
             raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
@@ -221,7 +301,12 @@ class Sources:
 
 def accepted_by_user() -> bool:
     """Ask whether the licences are accepted. Without anybody to answer they are not."""
+    return ask("Do you accept these licences? [y/N] ").lower() == "y"
+
+
+def ask(question: str) -> str:
+    """Return what the user answers; nothing where there is nobody."""
     try:
-        return input("Do you accept these licences? [y/N] ").strip().lower() == "y"
+        return input(question).strip()
     except EOFError:
-        return False
+        return ""

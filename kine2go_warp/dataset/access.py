@@ -33,12 +33,12 @@ def open_dataset(path: Path | str, include_rejected: bool = False) -> "Dataset":
     """Open a dataset; nothing but names and attributes is read.
 
     Every loader, export, score and report reads through this, so it is the one place that decides which trajectories
-    count: all stored trajectories with at least one row that no review rejected. Rollouts that gathering
-    rejected lie in a sub-group of their own and are never among them.
+    count: all accepted rollouts with at least one row that no review rejected.
 
     Args:
         path: Folder of the store.
-        include_rejected: Whether trajectories that were rejected in a review are part of it, too.
+        include_rejected: Whether trajectories that were rejected in a review are part of it, too, and after those of
+            each motion the rollouts that gathering rejected, where they are stored; ``values["reason"]`` says why.
 
     Raises:
         DatasetError: there is no dataset at ``path``, or it has another format version.
@@ -58,7 +58,7 @@ class _Opener:
     @cached_property
     def motion(self) -> Motion:
         """The motion."""
-        return Motion(self._path, self._name)
+        return Motion(self._path, self._name, self._include_rejected)
 
     @cached_property
     def left_out(self) -> frozenset[int]:
@@ -195,9 +195,7 @@ class Dataset:
         """
         if not 0.0 <= validation <= 1.0:
             raise DatasetError(f"the share of trajectories for validation must be between 0 and 1, not {validation}")
-        held_out = {
-            name: validation_indices(name, len(self.motion(name).lengths), validation, seed) for name in self.motions
-        }
+        held_out = {name: validation_indices(self.motion(name), validation, seed) for name in self.motions}
         sides: tuple[list[TrajectoryReference], list[TrajectoryReference]] = ([], [])
         for one in self.references:
             sides[one.index in held_out[one.motion]].append(one)

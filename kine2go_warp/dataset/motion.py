@@ -1,7 +1,7 @@
 """One motion of a dataset, of which only what is asked for is read."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,11 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.schema import ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
+from kine2go_warp.dataset.schema import REASON, REJECTED, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
 from kine2go_warp.dataset.store import robot_in, unpacked
 from kine2go_warp.dataset.trajectories import Trajectories
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
-
-REJECTED_GROUP = "rejected"
-"""Sub-group of a motion with rollouts that were not accepted; it is not part of the motion's own arrays."""
 
 BLOCK = 32
 """Trajectories that are read at once: a call to Zarr takes milliseconds however little it reads."""
@@ -78,9 +75,12 @@ class TrajectoryValues(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         return self._motion.values(name)[self._index]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._motion.trajectory_arrays
+
     def get(self, name: str, default: Any = None) -> Any:
         """Return what is stored under a name, or the default if nothing is."""
-        return self[name] if name in self._motion.trajectory_arrays else default
+        return self._motion.values(name)[self._index] if name in self else default
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._motion.trajectory_arrays)
@@ -90,14 +90,19 @@ class TrajectoryValues(Mapping[str, Any]):
 
 
 class Motion:
-    """One motion of a dataset."""
+    """One motion of a dataset.
 
-    def __init__(self, path: Path, name: str) -> None:
+    With ``include_rejected`` the rollouts that gathering rejected follow the accepted ones, where they are stored, and
+    ``reason`` is an array of trajectories: why each was rejected, an empty text for those that were not.
+    """
+
+    def __init__(self, path: Path, name: str, include_rejected: bool = False) -> None:
         """Open a motion; its arrays stay on the disk.
 
         Args:
             path: Folder of the dataset.
             name: The motion.
+            include_rejected: Whether rejected rollouts are part of it, too.
 
         Raises:
             DatasetError: its metadata cannot be read.
@@ -108,6 +113,9 @@ class Motion:
             self._group = zarr.open_group(path / name, mode="r")
             self.attributes = unpacked(self._group.attrs)
             self.arrays = {spec.name: spec for spec in _specs(self._group)}
+            self._has_rejected = include_rejected and REJECTED in self._group
+            if include_rejected:
+                self.arrays[REASON.name] = replace(REASON, description=_REASON, dtype="str")
         except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
             raise DatasetError(f"{path}/{name}: cannot be read ({error.__class__.__name__})") from None
 
@@ -188,7 +196,7 @@ class Motion:
             known = ", ".join(sorted(self.trajectory_arrays))
             raise DatasetError(f"{self.path}/{self.name}: holds no array '{name}' of trajectories; it has: {known}")
         if name not in self._values:
-            values = self._read(name, ...)
+            values = self._reasons() if name == REASON.name else self._read_whole(name)
             if values.size and _is_empty(name, values):
                 raise self._missing(name)
             self._values[name] = values
@@ -243,7 +251,7 @@ class Motion:
 
     def _read_rows(self, name: str, part: slice) -> NDArray[Any]:
         """Read a row array of some trajectories, whose valid rows must be there."""
-        values, lengths = self._read(name, part), self.lengths[part]
+        values, lengths = self._read_part(name, part), self.lengths[part]
         if values.dtype.kind != "f" or not values.size:
             return values
         flat = values.reshape(*values.shape[:2], -1)
@@ -266,6 +274,36 @@ class Motion:
             f"{self.path}/{self.name}/{name}: data are missing; see 'kine2go dataset check' and gather it again"
         )
 
+    def _read_whole(self, name: str) -> NDArray[Any]:
+        """Read an array, that of the rejected rollouts after it where it has an entry a trajectory."""
+        values = self._read(name, ...)
+        if not self._has_rejected or name not in self.trajectory_arrays:
+            return values
+        return np.concatenate([values, self._read(f"{REJECTED}/{name}", ...)])
+
+    def _read_part(self, name: str, part: slice) -> NDArray[Any]:
+        """Read some trajectories of a row array."""
+        first, last, _ = part.indices(len(self.lengths))
+        accepted = self.num_accepted
+        if last <= accepted:
+            return self._read(name, slice(first, last))
+        others = self._read(f"{REJECTED}/{name}", slice(max(first - accepted, 0), last - accepted))
+        return others if first >= accepted else np.concatenate([self._read(name, slice(first, accepted)), others])
+
+    @cached_property
+    def num_accepted(self) -> int:
+        """Number of accepted rollouts; rejected ones have the indices from there on."""
+        return int(self._group["length"].shape[0])  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _reasons(self) -> NDArray[np.str_]:
+        """Return why each trajectory was rejected in gathering, an empty text for those that were accepted."""
+        reasons = [""] * self.num_accepted
+        if self._has_rejected:
+            numbers = self._read(f"{REJECTED}/{REASON.name}", ...)
+            meanings = str(self._group[f"{REJECTED}/{REASON.name}"].attrs["flag_meanings"]).split()
+            reasons += [meanings[number] for number in numbers]
+        return np.array(reasons, dtype=str)
+
     def _read(self, name: str, what: Any) -> NDArray[Any]:
         # The store's index names arrays whose folders have gone, and Zarr reads those as the fill value.
         if not (self.path / self.name / name / "zarr.json").is_file():
@@ -276,17 +314,20 @@ class Motion:
             raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({error.__class__.__name__})") from None
 
 
+_REASON = "why the rollout was rejected in gathering, an empty text if it was accepted"
+
+
 def _is_empty(name: str, values: NDArray[Any]) -> bool:
     """Return whether an array that has no rows holds nothing but the fill value, as one does that lacks its data."""
     if values.dtype.kind in "UT":
-        return bool((values == "").any())
+        return name != REASON.name and bool((values == "").any())
     return bool(np.isnan(values).all()) if values.dtype.kind == "f" else name == "length" and not values.any()
 
 
 def _specs(group: zarr.Group) -> Iterator[ArraySpec]:
     """Yield what the store says of each array of a motion, in the order of their names."""
     for name, member in sorted(group.members(max_depth=None)):
-        if isinstance(member, zarr.Array) and name.split("/")[0] != REJECTED_GROUP:
+        if isinstance(member, zarr.Array) and name.split("/")[0] != REJECTED:
             dims = tuple(str(dimension) for dimension in getattr(member.metadata, "dimension_names", None) or ())
             attributes = member.attrs
             unit, description = str(attributes.get("units", "1")), str(attributes.get("description", ""))

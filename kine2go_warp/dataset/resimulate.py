@@ -15,16 +15,20 @@ mujoco: Any = mujoco_package
 ROWS = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity", "joint_position",
         "joint_velocity", "joint_target", "friction_anchor", "push", "joint_torque")  # fmt: skip
 """Row arrays that a simulation needs; torques are for comparison."""
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+STEEP = 0.75**0.5
+"""Cosine of the angle to the vertical above which a capsule is steep: less than half of its axis is seen from above."""
 
 
 class StoredRobot:
-    """The robot of one trajectory; ``data`` is MuJoCo's state, ``torque`` that of the last substep [N m]."""
+    """The robot of one trajectory; ``data`` is MuJoCo's state, torques [N m] and powers [W] are of each substep."""
 
     def __init__(self, attributes: dict[str, Any], start: dict[str, np.ndarray], rows: dict[str, np.ndarray]) -> None:
         """Compile the model of a motion's attributes and give it what was drawn for the trajectory."""
         record = attributes["simulation"]
         self.record = json.loads(record) if isinstance(record, str) else record
-        self.start, self.rows, self.torque = start, rows, np.zeros(12)
+        self.start, self.rows, self.torques = start, rows, np.zeros((self.record["substeps"], 12))
+        self.powers = np.zeros_like(self.torques)
         model = self.model = mujoco.MjModel.from_xml_string(attributes["robot_xml"])
         model.opt.timestep = self.record["timestep"]
         base = model.body(self.record["base_link"]).id
@@ -57,11 +61,34 @@ class StoredRobot:
             demand, free, full = start["strength"] * law, limits["no_load_speed"], limits["full_torque_speed"]
             driving = limits["driving"] * np.clip((free - np.abs(velocity)) / (free - full), 0.0, 1.0)
             limit = np.where(demand * velocity < 0.0, limits["braking"], driving)
-            self.torque = np.clip(demand, -limit, limit)
+            torque = self.torques[substep] = np.clip(demand, -limit, limit)
             self.anchor = position - np.clip(position - self.anchor, -strength / spring, strength / spring)
             friction = -spring * (position - self.anchor) - damping * velocity
-            data.qfrc_applied[6:] = self.torque + np.clip(friction, -strength, strength)
-            mujoco.mj_step(self.model, data)
+            data.qfrc_applied[6:] = torque + np.clip(friction, -strength, strength)
+            self.substep()
+            self.powers[substep] = torque * data.qvel[6:]
+
+    def substep(self) -> None:
+        """Take one physics substep, with the contact frames of MuJoCo Warp.
+
+        MuJoCo lays the first tangent of a capsule on the ground along its axis as seen from above. MuJoCo Warp does so
+        for capsules within 60 degrees of the ground, and lays it along the world's y axis for steeper ones. As
+        friction is a pyramid, the directions matter.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_fwdPosition(model, data)
+        for contact in data.contact:
+            ground, leg = sorted(contact.geom)
+            is_leg = model.geom_type[ground] == mujoco.mjtGeom.mjGEOM_PLANE and model.geom_type[leg] == CAPSULE
+            if is_leg and abs(data.geom_xmat[leg, 8]) > STEEP:
+                contact.frame[3:] = (0.0, 1.0, 0.0, *np.cross(contact.frame[:3], (0.0, 1.0, 0.0)))
+        mujoco.mj_makeConstraint(model, data)
+        mujoco.mj_projectConstraint(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        mujoco.mj_Euler(model, data)
 
     def target(self, row: int) -> np.ndarray:
         """Return the joint target that was commanded in a row, also in one before the first."""

@@ -64,7 +64,9 @@ ROW_ARRAYS = (
     ArraySpec("joint_position", (*_FRAME, "joint"), "rad", "relative to the parent link"),
     ArraySpec("joint_velocity", (*_FRAME, "joint"), "rad/s", "relative to the parent link"),
     ArraySpec("link_position", (*_FRAME, "link", "axis"), "m", "joint centres and feet, world frame"),
+    ArraySpec("link_orientation", (*_FRAME, "link", "quaternion"), "1", "of links in the world, (w, x, y, z)"),
     ArraySpec("link_linear_velocity", (*_FRAME, "link", "axis"), "m/s", "of joint centres and feet, world frame"),
+    ArraySpec("link_angular_velocity", (*_FRAME, "link", "axis"), "rad/s", "of links, world frame"),
     ArraySpec("foot_contact_force", (*_FRAME, "foot", "axis"), "N", "force of the floor on the foot, world frame"),
     ArraySpec("foot_contact_force_mean", (*_FRAME, "foot", "axis"), "N", f"the same, mean over {_STEP}"),
     ArraySpec("foot_contact_force_peak", (*_FRAME, "foot"), "N", f"its largest size in {_STEP}"),
@@ -96,6 +98,14 @@ ROW_ARRAYS = (
     ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms, which add up to the reward"),
 )
 """Arrays with one entry a row, padded with NaN where a trajectory is shorter."""
+
+OPTIONAL_ROW_ARRAYS = (
+    ArraySpec(
+        "observation", (*_FRAME, "observed"), "1",
+        "what the policy saw, in the units of the attribute observation_terms; the labels name each number",
+    ),
+)  # fmt: skip
+"""Row arrays that are stored where gathering is asked for them."""
 
 TRAJECTORY_ARRAYS = (
     ArraySpec("length", ("trajectory",), "1", "valid rows", "int32"),
@@ -200,9 +210,26 @@ def reward_labels(attributes: Mapping[str, Any], count: int) -> tuple[str, ...]:
     return names if len(names) == count else tuple(f"term_{index}" for index in range(count))
 
 
-def coordinates(spec: RobotSpec, reward_terms: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Return the labels along each labelled dimension."""
+def observation_labels(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the name of each number of a motion's observations, none where they are not stored."""
+    try:
+        return tuple(str(name) for term in attributes.get("observation_terms", ()) for name in term["columns"])
+    except (KeyError, TypeError):
+        return ()
+
+
+def coordinates(
+    spec: RobotSpec, reward_terms: Sequence[str], observed: Sequence[str] = ()
+) -> dict[str, tuple[str, ...]]:
+    """Return the labels along each labelled dimension.
+
+    Args:
+        spec: The robot.
+        reward_terms: Names of the reward terms.
+        observed: Names of the numbers of an observation, if observations are stored.
+    """
     return {
+        **({"observed": tuple(observed)} if observed else {}),
         "axis": ("x", "y", "z"),
         "quaternion": ("w", "x", "y", "z"),
         "joint": spec.joint_names,

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.reviews import REJECTED, standing_reviews
+from kine2go_warp.dataset.schema import REJECTED as REJECTED_GROUP
 
 
 def rejected_trajectories(motion: Motion) -> frozenset[int]:
@@ -17,19 +18,25 @@ def rejected_trajectories(motion: Motion) -> frozenset[int]:
     return frozenset(index for index, verdict in standing.items() if verdict.verdict == REJECTED)
 
 
-def validation_indices(motion: str, num_trajectories: int, fraction: float, seed: int) -> frozenset[int]:
-    """Return which trajectories of a motion are for validation.
+def validation_indices(motion: Motion, fraction: float, seed: int) -> frozenset[int]:
+    """Return which trajectories of a motion are for validation, of accepted and of rejected ones alike.
 
     Each trajectory is ranked by a hash of seed, motion and index, so that neither other motions nor the choice of
     trajectories moves one from one side to the other.
 
     Args:
-        motion: Name of the motion.
-        num_trajectories: How many it stores.
+        motion: The motion.
         fraction: Share of the trajectories, between 0 and 1. Where it is neither and there are two trajectories, each
             side gets at least one.
         seed: Another seed gives another split.
     """
+    accepted = motion.num_accepted
+    others = held_out(f"{motion.name}/{REJECTED_GROUP}", len(motion.lengths) - accepted, fraction, seed)
+    return held_out(motion.name, accepted, fraction, seed) | {accepted + index for index in others}
+
+
+def held_out(motion: str, num_trajectories: int, fraction: float, seed: int) -> frozenset[int]:
+    """Return the indices of the first trajectories by their rank."""
     count = round(fraction * num_trajectories)
     if 0.0 < fraction < 1.0 and num_trajectories > 1:
         count = min(max(count, 1), num_trajectories - 1)

@@ -15,7 +15,7 @@ from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 
 NESTED = (
     "fidelity", "rejected", "borderline", "environment_settings", "model_parts", "gather_settings",
-    "training_settings", "simulation",
+    "training_settings", "simulation", "observation_terms",
 )  # fmt: skip
 """Attributes of a motion that are records or lists, each kept as a text of JSON: netCDF and many readers know numbers,
 texts and lists of them alone."""

@@ -1,6 +1,6 @@
 """Rollouts of one motion on their way from the simulation to the store."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -34,6 +34,11 @@ class Rollouts(Protocol):
         """Arrays of the sub-groups."""
         ...
 
+    @property
+    def names(self) -> Collection[str]:
+        """Names of the row arrays."""
+        ...
+
     def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""
         ...
@@ -58,6 +63,11 @@ class Trajectories:
     def num_rows(self) -> int:
         """Rows of the longest possible trajectory."""
         return self.rows["root_position"].shape[1]
+
+    @property
+    def names(self) -> Collection[str]:
+        """Names of the row arrays."""
+        return self.rows
 
     def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""

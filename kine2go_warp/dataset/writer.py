@@ -20,6 +20,7 @@ from kine2go_warp.dataset.schema import (
     ACTION_RULE,
     FORMAT_VERSION,
     FRAMES_NOTE,
+    OPTIONAL_ROW_ARRAYS,
     REASON,
     REJECTED,
     ROW_ARRAYS,
@@ -27,6 +28,7 @@ from kine2go_warp.dataset.schema import (
     TRAJECTORY_ARRAYS,
     ArraySpec,
     coordinates,
+    observation_labels,
     reward_labels,
 )
 from kine2go_warp.dataset.staging import StagingArea
@@ -222,7 +224,7 @@ class DatasetWriter:
         group = zarr.open_group(folder, mode="w", zarr_format=3)
         group.attrs.update({**packed(attributes), "coordinates": "time"})
         terms = reward_labels(attributes, trajectories.read_rows("reward", 0, 1).shape[-1])
-        for name, labels in coordinates(self.spec, terms).items():
+        for name, labels in coordinates(self.spec, terms, observation_labels(attributes)).items():
             write_labels(group, name, labels)
         time = np.arange(trajectories.num_rows) * frame_duration
         write_array(group, ArraySpec("time", ("frame",), "s", "from the first kept row", "float64"), time)
@@ -250,7 +252,8 @@ class RejectedRollouts:
 
 def write_rollouts(group: zarr.Group, rollouts: Rollouts, dimension: str = "trajectory") -> None:
     """Write rows and draws of rollouts, one shard of rollouts at a time."""
-    for array in ROW_ARRAYS:
+    optional = tuple(array for array in OPTIONAL_ROW_ARRAYS if array.name in rollouts.names)
+    for array in (*ROW_ARRAYS, *optional):
         array = along(array, dimension)  # noqa: PLW2901
         count, sample = rollouts.num_trajectories, rollouts.read_rows(array.name, 0, 1)
         target = create_array(group, array, (count, *sample.shape[1:]), np.dtype(array.dtype))

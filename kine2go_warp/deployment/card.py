@@ -19,11 +19,28 @@ TorchScript: `torch.jit.load("policy.pt")(observation)`. With kine2go-warp, `Pol
 def policy_card(metadata: PolicyMetadata) -> str:
     """Return the page as Markdown."""
     action = metadata.action
-    per_joint = zip(metadata.joint_names, metadata.default_joint_position, metadata.torque_limit, strict=True)
+    per_joint = zip(
+        metadata.joint_names,
+        metadata.default_joint_position,
+        metadata.joint_lower,
+        metadata.joint_upper,
+        metadata.torque_limit,
+        strict=True,
+    )
     joints = make_table(
         "",
-        ("joint", "default position [rad]", "torque limit [N m]"),
-        ((Cell(name, code=True), f"{default:g}", f"{limit:g}") for name, default, limit in per_joint),
+        ("joint", "output", "SDK motor", "default position [rad]", "limits [rad]", "torque limit [N m]"),
+        (
+            (
+                Cell(name, code=True),
+                place,
+                metadata.sdk_motor_order.index(name),
+                f"{default:g}",
+                f"{lower:g} to {upper:g}",
+                f"{limit:g}",
+            )
+            for place, (name, default, lower, upper, limit) in enumerate(per_joint)
+        ),
     )
     parts = make_table(
         "",
@@ -52,6 +69,9 @@ differ from it by at most {metadata.parity.onnx:.1e} (ONNX) and {metadata.parity
   steps; velocity_gain {action.velocity_gain:.6g} s.
 - {metadata.torque_rule} stiffness {metadata.stiffness:g} N m/rad, damping {metadata.damping:g} N m s/rad, physics_rate
   {metadata.physics_rate:g} Hz, latency {1e3 * metadata.latency:.3g} ms.
+
+Outputs of the policy, and joints in the observation, are in the order of the column "output". The manufacturer's SDK
+numbers the motors as in "SDK motor": a joint's target goes there, or it reaches another leg.
 
 {markdown(joints)}
 ## Clips

@@ -2,9 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.terms.observations import ObservationTerm
+from kine2go_warp.quantities import LEG_NAMES
+from kine2go_warp.robots import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,18 @@ def place_privileged(config: EnvConfig) -> tuple[PlacedTerm, ...]:
 def observation_layout(config: EnvConfig) -> tuple[ObservationField, ...]:
     """Return the rows of the observation table."""
     return tuple(placed.field for placed in place_terms(config))
+
+
+def observation_record(config: EnvConfig, spec: RobotSpec) -> list[dict[str, Any]]:
+    """Return name, unit, meaning and columns of each part of the observation, as a dataset keeps them."""
+    labels = {"axis": ("x", "y", "z"), "joint": spec.joint_names, "foot": LEG_NAMES}
+    record = []
+    for placed in place_terms(config):
+        field = placed.field
+        parts = ("".join(f".{label}" for label in one) for one in product(*(labels[dim] for dim in placed.term.dims)))
+        columns = [field.name + part for part in parts]
+        record.append({"name": field.name, "unit": field.unit, "description": field.description, "columns": columns})
+    return record
 
 
 def enabled(terms: Sequence[ObservationTerm]) -> tuple[ObservationTerm, ...]:

@@ -38,6 +38,7 @@ def export_dataset(
     motions: Sequence[str] = (),
     overwrite: bool = False,
     on_trajectory: Callable[[int, int], None] | None = None,
+    include_rejected: bool = False,
 ) -> ExportRecord:
     """Export a dataset.
 
@@ -48,6 +49,7 @@ def export_dataset(
         motions: Names of motions; by default all.
         overwrite: Replace an older export at ``out``.
         on_trajectory: Called with the trajectories written and their total.
+        include_rejected: Also export what a review or, where it is stored, gathering rejected.
 
     Raises:
         ExportError: the format is unknown, there is nothing to export, or ``out`` exists and may not be replaced.
@@ -55,7 +57,7 @@ def export_dataset(
     """
     if form not in FORMATS:
         raise ExportError(f"unknown format '{form}'; known are: {', '.join(FORMATS)}")
-    dataset = open_dataset(path)
+    dataset = open_dataset(path, include_rejected)
     if motions:
         dataset = dataset.select(motions)
     check_target(out, overwrite)

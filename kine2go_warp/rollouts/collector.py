@@ -119,6 +119,11 @@ class CollectedRollouts:
         """Why each rollout was rejected, an empty text if it was not."""
         return [self.batches[number].result.reasons[world] for number, world in self.indices]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the row arrays."""
+        return self.batches[0].recorded.names
+
     def read_rows(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Return the rows of some rollouts, shape [last - first, num_rows, ...]."""
         found = []
@@ -247,6 +252,7 @@ class RolloutCollector:
             round(config.warm_up * environment.config.control_rate),
             first_row,
             progressed,
+            config.observations,
         )
         draws = {
             "length": recorded.length,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from kine2go_warp.env.config import EnvConfig, PhaseSamplingConfig, ResetConfig
 from kine2go_warp.env.terms.randomization import RandomizationTerm, check_randomization, randomized
-from kine2go_warp.env.terms.terminations import with_limits
+from kine2go_warp.env.terms.terminations import TRACKING, with_limits
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.settings import check_ranges
 
@@ -41,6 +41,10 @@ class GatherConfig:
     """Share of the wanted rollouts that must be accepted within ``max_attempts``, or none are kept."""
     keep_rejected: bool = False
     """Store rejected rollouts, too, in a group of their own."""
+    until_fall: bool = False
+    """Let rollouts that leave the reference go on until they fall or are full, and store them as rejected ones."""
+    observations: bool = False
+    """Store what the policy saw in each row, too."""
     max_distance: float = 0.4
     """Largest distance of the root from its reference at any time [m]."""
     max_angle: float = 0.5
@@ -93,7 +97,16 @@ class GatherConfig:
         """Return the environment to gather in: that of the training, with the limits of a good rollout."""
         time = self.warm_up + (rows + 2) / trained.control_rate
         limits = (self.max_distance, self.max_angle)
-        return rollout_environment(trained, num_worlds, self.seed, time, limits, self.randomization)
+        config = rollout_environment(trained, num_worlds, self.seed, time, limits, self.randomization)
+        if not self.until_fall:
+            return config
+        terms = tuple(replace(one, enabled=one.enabled and one.name not in TRACKING) for one in config.terminations)
+        return replace(config, terminations=terms)
+
+    @property
+    def stores_rejected(self) -> bool:
+        """Whether rejected rollouts are stored."""
+        return self.keep_rejected or self.until_fall
 
 
 def rollout_environment(

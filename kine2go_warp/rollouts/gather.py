@@ -11,6 +11,7 @@ from kine2go_warp import __version__
 from kine2go_warp.dataset.writer import DatasetWriter, RejectedRollouts, SimulationAttributes
 from kine2go_warp.device import choose_device
 from kine2go_warp.env.mujoco_engine import robot_xml, simulation_record
+from kine2go_warp.env.observations import observation_record
 from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.motions.catalogue import load_catalogue
@@ -22,6 +23,7 @@ from kine2go_warp.rollouts.quality import BORDERLINE
 from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
+    from kine2go_warp.env.environment import ImitationEnvironment
     from kine2go_warp.rollouts.collector import CollectionStats
 
 DEFAULT_ROWS = 571
@@ -108,6 +110,7 @@ def gather(
             "borderline": list(borderline),
             "fingerprint": fingerprint,
             "environment_settings": to_dictionary(collector.environment.config),
+            **observations_described(collector.environment, config),
             "ground_reach": collector.ground_reach,
             "policy_std": collector.policy_std,
             "simulation": simulation_record(collector.environment.spec, collector.environment.config),
@@ -119,7 +122,7 @@ def gather(
             "device": device,
         }
         rejected = collector.rejected()
-        others = RejectedRollouts(rejected, rejected.reasons) if config.keep_rejected else None
+        others = RejectedRollouts(rejected, rejected.reasons) if config.stores_rejected else None
         started = time.perf_counter()
         writer.write(clip.name, accepted, simulation, attributes, others)
         write_time = time.perf_counter() - started
@@ -135,6 +138,12 @@ def gather(
             waiting_share=stats.waited / stats.seconds,
             write_time=write_time,
         )
+
+
+def observations_described(environment: "ImitationEnvironment", config: GatherConfig) -> dict[str, object]:
+    """Return the attribute that describes the observations, if they are stored."""
+    terms = observation_record(environment.config, environment.spec)
+    return {"observation_terms": terms} if config.observations else {}
 
 
 def check_acceptance(motion: str, stats: "CollectionStats", config: GatherConfig) -> None:

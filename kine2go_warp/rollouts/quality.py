@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp import metrics
+from kine2go_warp.dataset.quality import rollout_quality
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.metrics import FILTER_METRICS, Rows
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.robots.kinematics import contact_velocities
 from kine2go_warp.rollouts.config import GatherConfig
 
 BORDERLINE = 0.8
@@ -31,29 +30,6 @@ class FilterResult:
     def accepted(self) -> NDArray[np.bool_]:
         """Which rollouts are good enough."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
-
-
-def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[str, NDArray[Any]]:
-    """Return the metrics of rollouts but for the share of a limit, each of shape [num_trajectories].
-
-    Args:
-        rows: Rows as in the dataset, NaN beyond each trajectory's length.
-        frame_duration: Time between two rows [s].
-        spec: The robot.
-    """
-    return {
-        **metrics.tracking_quality(rows),
-        "largest_root_error": np.nanmax(metrics.root_error(rows), axis=1),
-        "largest_root_angle": np.nanmax(metrics.root_angle(rows), axis=1),
-        "leg_contact": np.nanmean(rows["leg_contact"], axis=1),
-        "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
-        "torque_saturation": metrics.torque_saturation(rows["torque_at_limit"]),
-        "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),
-        "foot_slip": metrics.foot_slip(contact_velocities(spec, rows), rows["foot_contact_force"]),
-        "joint_jerk": metrics.joint_jerk(rows["joint_velocity"], frame_duration),
-        "joint_speed": np.nanmax(np.abs(rows["joint_velocity"]) / np.array(spec.joint_speed), axis=(1, 2)),
-        "leg_overlap": np.maximum(-np.nanmin(rows["leg_distance"], axis=1), 0.0),
-    }
 
 
 def filter_rollouts(

@@ -54,8 +54,13 @@ class RolloutRecorder:
         self._buffers: dict[str, torch.Tensor] = {}
         self._filled = 0
 
-    def record_state(self, mean_action: torch.Tensor) -> None:
-        """Record the state, and the mean of the policy's actions in it, shape [num_worlds, 12], before the step."""
+    def record_state(self, mean_action: torch.Tensor, observation: torch.Tensor | None = None) -> None:
+        """Record the state before the step.
+
+        Args:
+            mean_action: Mean of the policy's actions in it, shape [num_worlds, 12].
+            observation: What the policy saw of it, shape [num_worlds, size], if that is recorded, too.
+        """
         environment, episodes = self.environment, self.environment.episodes
         with wp.ScopedDevice(environment.device):
             wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
@@ -86,6 +91,8 @@ class RolloutRecorder:
         bears = self._views["foot_contact_force"].norm(dim=-1) > CONTACT_FORCE
         self._store("foot_contact", bears.float())
         self._store("action_mean", self._normalised(self._mean_target))
+        if observation is not None:
+            self._store("observation", observation)
 
     def present_state(self) -> dict[str, NDArray[Any]]:
         """Return the state of all worlds now, by the names of ``FINAL_STATE_ARRAYS``. It waits for the device."""
@@ -118,7 +125,7 @@ class RolloutRecorder:
             self._shapes = body_shapes(self.environment.spec)
             self._leg_distance = wp.zeros(num_worlds, dtype=float)
             self._mean_action, self._mean_target = (wp.zeros((num_worlds, 12), dtype=float) for _ in range(2))
-            self._links = [wp.zeros((num_worlds, 16), dtype=wp.vec3) for _ in range(2)]
+            self._links = [wp.zeros((num_worlds, 16), dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
             self._reference = [
                 wp.zeros(num_worlds, dtype=wp.vec3),
                 wp.zeros(num_worlds, dtype=wp.vec4),
@@ -131,7 +138,7 @@ class RolloutRecorder:
         """Return the arrays of a row that are known before the policy acts, as tensors on the device."""
         environment = self.environment
         root = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity")
-        links = ("link_position", "link_linear_velocity")
+        links = ("link_position", "link_orientation", "link_linear_velocity", "link_angular_velocity")
         reference = (
             "reference_root_position",
             "reference_root_orientation",

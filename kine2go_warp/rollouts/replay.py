@@ -75,6 +75,7 @@ def replay_motion(
         DatasetError: the dataset cannot be read, or there is no such trajectory.
     """
     dataset = open_dataset(path, include_rejected=True)
+    dataset = dataset.select([motion], where=lambda one: not one.values["reason"])
     data, spec = dataset.load(motion), dataset.robot
     count = data.trajectories.num_trajectories
     chosen = list(range(count)) if trajectories is None else trajectories

@@ -84,6 +84,7 @@ def roll_out(
     warm_up: int = 0,
     on_first_row: Callable[[], None] | None = None,
     on_progress: Callable[[int], None] | None = None,
+    record_observation: bool = False,
 ) -> RecordedRollouts:
     """Let a policy act in every world from its present state on.
 
@@ -100,6 +101,7 @@ def roll_out(
         warm_up: Control steps before the first row. A rollout that fails within them has no rows.
         on_first_row: Called after the warm-up, before the first row is recorded.
         on_progress: Called now and then with the control steps done, the warm-up included.
+        record_observation: Whether rows also hold what the actor saw.
 
     Raises:
         OSError: rows could not be written.
@@ -115,7 +117,7 @@ def roll_out(
             on_first_row()
         mean, action = actor(observation, noise)
         if step >= warm_up:
-            recorder.record_state(mean)
+            recorder.record_state(mean, observation["policy"] if record_observation else None)
         observation, *_ = env.step(action)
         if step >= warm_up:
             recorder.record_action()

@@ -1,13 +1,28 @@
-"""One class per source of motion clips."""
+"""Sources of motion clips: a class each, or a table of ``dialects.toml``."""
 
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.motions.sources.ai4animation import AI4Animation
 from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.motions.sources.dialects import Dialect, JointsDialect, bundled_dialects
+from kine2go_warp.motions.sources.joints import JointSource
+from kine2go_warp.motions.sources.points import PointSource
 from kine2go_warp.motions.sources.solo8 import Solo8
 from kine2go_warp.motions.sources.vhdc import Vhdc
 from kine2go_warp.objects import load_object
 
-SOURCES: dict[str, MotionSource] = {source.name: source for source in (AI4Animation(), Vhdc(), Solo8())}
+
+def source_of(name: str, dialect: Dialect) -> MotionSource:
+    """Return the source that reads files of a dialect."""
+    if isinstance(dialect, JointsDialect):
+        return JointSource(name, dialect, root_drop=dialect.root_drop)
+    lengths = dialect.scale, dialect.root_drop, dialect.forward_lift, dialect.foot_outward
+    return PointSource(name, dialect, *lengths, dialect.unit)
+
+
+SOURCES: dict[str, MotionSource] = {
+    **{source.name: source for source in (AI4Animation(), Vhdc(), Solo8())},
+    **{name: source_of(name, dialect) for name, dialect in bundled_dialects().items()},
+}
 """All sources by the name that catalogue entries use."""
 
 

@@ -1,13 +1,12 @@
 """Dog motion capture of the AI4Animation project as exported text (Zhang et al. 2018; Peng et al. 2020)."""
 
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
-from kine2go_warp.motions.sources.tables import parse_numbers, read_lines
+from kine2go_warp.motions.sources.tables import is_number, parse_numbers, read_lines
 
 NUM_POINTS = 27
 
@@ -32,14 +31,18 @@ LARGEST_COORDINATE = 1000.0
 class AI4Animation(MotionSource):
     """Text files with 27 points of a dog a line, comma separated, metres, y up, 60 Hz."""
 
-    name: ClassVar[str] = "ai4animation"
-    scale: ClassVar[float] = 0.825
-    root_drop: ClassVar[float] = 0.04
-    forward_lift: ClassVar[float] = 0.04
-    foot_outward: ClassVar[float] = 0.1
-    rate: ClassVar[float] = 60.0
-    """Frame rate of files that do not state one [Hz]."""
-    tells_rate: ClassVar[bool] = False
+    name: str = "ai4animation"
+    scale: float = 0.825
+    root_drop: float = 0.04
+    forward_lift: float = 0.04
+    foot_outward: float = 0.1
+    rate: float = 60.0
+    tells_rate: bool = False
+
+    def begins(self, line: str) -> bool:
+        """Return whether a text file that begins with this line is likely one of this source's."""
+        words = line.rstrip().rstrip(",").split(",")
+        return len(words) == 3 * NUM_POINTS and all(is_number(word) for word in words)
 
     def read(self, path: Path) -> KeypointMotion:
         """Read a whole file; see ``MotionSource.read``."""

@@ -1,10 +1,10 @@
 """The interface of a source."""
 
+import inspect
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -36,15 +36,15 @@ class MotionSource(ABC):
     ``proportions`` are those for another robot.
     """
 
-    name: ClassVar[str]
+    name: str
     """Name used in the catalogue."""
-    scale: ClassVar[float]
+    scale: float
     """Size of the robot over the size of the animal."""
-    root_drop: ClassVar[float]
+    root_drop: float
     """How far the robot's base lies below the midpoint of pelvis and neck, after scaling [m]."""
-    forward_lift: ClassVar[float]
+    forward_lift: float
     """Height by which the neck lies below the trunk's axis through the pelvis, after scaling [m]."""
-    foot_outward: ClassVar[float]
+    foot_outward: float
     """How far the feet are moved outwards, for the robot's thighs sit beside its hips [m]."""
 
     def __init_subclass__(cls) -> None:
@@ -53,14 +53,17 @@ class MotionSource(ABC):
         Raises:
             TypeError: a value is missing.
         """
-        missing = [name for name in STATED if not hasattr(cls, name)]
+        fields = inspect.get_annotations(cls)
+        missing = [name for name in STATED if not hasattr(cls, name) and name not in fields]
         if missing:
             raise TypeError(f"the source {cls.__name__} does not state {', '.join(missing)}")
 
-    unit: ClassVar[str] = "metres"
+    unit: str = "metres"
     """Unit of the file's lengths, to name a likelier one."""
-    tells_rate: ClassVar[bool] = True
+    tells_rate: bool = True
     """Whether a file of this source tells its own frame rate."""
+    rate: float = 0.0
+    """Frame rate of files that do not state one, 0 if it must be told [Hz]."""
 
     def load(self, path: Path, rate: float | None = None) -> KeypointMotion:
         """Read a whole file, examine it and repair what can be repaired.
@@ -80,6 +83,11 @@ class MotionSource(ABC):
         return Proportions(
             size * self.scale, size * self.root_drop, size * self.forward_lift, spec.width * self.foot_outward
         )
+
+    def begins(self, line: str) -> bool:
+        """Return whether a text file that begins with this line is likely one of this source's."""
+        del line
+        return False
 
     def data_file(self, path: Path) -> Path:
         """Return the file that ``path`` is in, for sources that name one motion among several in a file."""

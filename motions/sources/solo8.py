@@ -1,7 +1,6 @@
 """Trajectories of the robot Solo8 (Li et al. 2023), one tensor for all of them."""
 
 from pathlib import Path
-from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,13 +32,13 @@ class Solo8(MotionSource):
     [rad/s], hip and knee of FL, FR, HL, HR. The velocities only serve to check the rate; the rest can be derived.
     """
 
-    name: ClassVar[str] = "solo8"
-    scale: ClassVar[float] = 1.33
-    root_drop: ClassVar[float] = 0.0
-    forward_lift: ClassVar[float] = 0.0
-    foot_outward: ClassVar[float] = 0.035
+    name: str = "solo8"
+    scale: float = 1.33
+    root_drop: float = 0.0
+    forward_lift: float = 0.0
+    foot_outward: float = 0.035
     """Go2's thighs sit 0.0955 m beside its hips; Solo8's feet lie 0.0605 m beside theirs, after scaling."""
-    rate: ClassVar[float] = 50.0
+    rate: float = 50.0
 
     def data_file(self, path: Path) -> Path:
         """Return the file without the number of the trajectory."""

@@ -20,30 +20,49 @@ FORMATS = (
 """What files of other formats begin with."""
 
 
-def read_lines(path: Path) -> list[str]:
-    """Return the lines of a text file, without empty ones at its end.
-
-    UTF-8 with or without a byte order mark and UTF-16 are read; where semicolons part the fields, as spreadsheets write
-    them beside decimal commas, they become commas and points.
+def read_bytes(path: Path) -> bytes:
+    """Return what is in a file.
 
     Raises:
-        ClipError: there is no such file, it is not text, it has too few lines for a motion, or is in a format that no
-            text reader reads.
+        ClipError: there is no such file, or it cannot be read.
     """
     try:
-        content = path.read_bytes()
-        is_wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        text = content.decode("utf-16" if is_wide else "utf-8-sig")
-        if is_wide and not text.isascii():
-            raise ClipError(f"{path}: not a text file")
+        return path.read_bytes()
     except FileNotFoundError:
         raise ClipError(f"{path}: no such motion file") from None
     except IsADirectoryError:
         raise ClipError(f"{path}: is a folder, not a motion file") from None
-    except UnicodeDecodeError:
-        raise ClipError(f"{path}: not a text file") from None
     except OSError as error:
         raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file: UTF-8 with or without a byte order mark, or UTF-16.
+
+    Raises:
+        ClipError: there is no such file, or it is not text.
+    """
+    content = read_bytes(path)
+    is_wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        raise ClipError(f"{path}: not a text file") from None
+    if is_wide and not text.isascii():
+        raise ClipError(f"{path}: not a text file")
+    return text
+
+
+def read_lines(path: Path) -> list[str]:
+    """Return the lines of a text file, without empty ones at its end.
+
+    Where semicolons part the fields, as spreadsheets write them beside decimal commas, they become commas and points.
+
+    Raises:
+        ClipError: there is no such file, it is not text, it has too few lines for a motion, or is in a format that
+            another source reads.
+    """
+    text = read_text(path)
     for beginning, kind in FORMATS:
         if re.match(beginning, text):
             raise ClipError(
@@ -102,3 +121,12 @@ def parse_numbers(
                 f"{where}: column {column + 1}{name}, a value is not finite or its magnitude exceeds {largest:g}"
             )
     return rows
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,7 +1,6 @@
 """Horses on a treadmill: the Vienna Horse Data Collection, Haflinger set."""
 
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,19 +40,23 @@ class Vhdc(MotionSource):
     laboratory and the way of the belt, whose velocity is that of the hooves that stand. Heights are as measured.
     """
 
-    name: ClassVar[str] = "vhdc"
-    unit: ClassVar[str] = "millimetres"
-    scale: ClassVar[float] = 0.25
-    root_drop: ClassVar[float] = 0.04
-    forward_lift: ClassVar[float] = 0.0
-    foot_outward: ClassVar[float] = 0.1
-    hip_half_width: ClassVar[float] = 0.0465 / 0.25
+    name: str = "vhdc"
+    unit: str = "millimetres"
+    scale: float = 0.25
+    root_drop: float = 0.04
+    forward_lift: float = 0.0
+    foot_outward: float = 0.1
+    hip_half_width: float = 0.0465 / 0.25
     """Half the distance that is put between the hips, for the horse's markers lie on its midline [m]."""
+
+    def begins(self, line: str) -> bool:
+        """Return whether a text file that begins with this line is likely one of this source's."""
+        return header_of(line) == HEADER
 
     def read(self, path: Path) -> KeypointMotion:
         """Read a whole file; see ``MotionSource.read``."""
         lines = read_lines(path)
-        header = [name.strip().strip('"').rstrip("#") for name in lines[0].split(",")]
+        header = header_of(lines[0])
         if header != HEADER:
             raise ClipError(f"{path}, line 1: not the header of a VHDC file (expected {','.join(HEADER[:5])},...)")
         rows = parse_numbers(path, lines[1:], len(HEADER), 1e6, first_line=2, names=HEADER)
@@ -92,6 +95,11 @@ class Vhdc(MotionSource):
                 points[f"{leg}_hip"] = spine + side + float(np.mean(means)) * forward
         points |= {f"{leg}_toe": toes[:, index] for index, leg in enumerate(LEG_NAMES)}
         return np.stack([points[name] for name in KEYPOINTS], axis=1)
+
+
+def header_of(line: str) -> list[str]:
+    """Return the names of columns in the first line of a file."""
+    return [name.strip().strip('"').rstrip("#") for name in line.split(",")]
 
 
 def uniform_time(path: Path, stamps: Array) -> Array:

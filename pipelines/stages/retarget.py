@@ -48,6 +48,9 @@ class RetargetStage:
             **robot_inputs(job),
             "settings": to_dictionary(job.recipe.retarget),
             **({"accepted": True} if job.motion in job.recipe.accept else {}),
+            **({} if entry.dialect is None else {"dialect": to_dictionary(entry.dialect)}),
+            **({"scale": entry.scale} if entry.scale else {}),
+            **({"mode": entry.mode} if entry.mode else {}),
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:

@@ -36,7 +36,7 @@ def made_up(rng, count=3, rows=20):
         array.name: rng.normal(size=[shapes[dimension] for dimension in array.dims]).astype(np.float32)
         for array in ROW_ARRAYS
     }
-    for name in ("root_orientation", "reference_root_orientation"):
+    for name in ("root_orientation", "reference_root_orientation", "link_orientation"):
         arrays[name] /= np.linalg.norm(arrays[name], axis=-1, keepdims=True)
     draws = {
         "length": np.array([rows, rows - 5, rows], dtype=np.int32),

@@ -77,6 +77,23 @@ def test_the_page_has_every_row_and_every_joint(exported):
         assert name in page
 
 
+def test_the_page_says_which_sdk_motor_each_output_goes_to(exported):
+    """Unitree numbers the motors FR, FL, RR, RL, each hip, thigh, calf; the policy's order is FL, FR, RL, RR."""
+    page = (exported / "README.md").read_text().splitlines()
+    table = {
+        row.split("|")[1].strip(" `"): [cell.strip() for cell in row.split("|")[2:-1]]
+        for row in page
+        if "_joint`" in row
+    }
+    expected = {"FL": 3, "FR": 0, "RL": 9, "RR": 6}
+    limits = zip(GO2.joint_names, GO2.joint_lower, GO2.joint_upper, strict=True)
+    for place, (name, lower, upper) in enumerate(limits):
+        output, motor, _, limit, _ = table[name]
+        assert int(output) == place
+        assert int(motor) == expected[name[:2]] + ("hip", "thigh", "calf").index(name.split("_")[1])
+        assert limit == f"{lower:g} to {upper:g}"
+
+
 def test_an_export_that_disagrees_is_refused_and_the_older_one_stays(policy, exported, tmp_path, monkeypatch):
     folder = shutil.copytree(exported, tmp_path / "export")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}

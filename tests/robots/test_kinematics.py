@@ -4,7 +4,14 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp.metrics import foot_slip
 from kine2go_warp.robots import GO2
-from kine2go_warp.robots.kinematics import contact_velocities, foot_positions, leg_points, link_positions
+from kine2go_warp.robots.kinematics import (
+    contact_velocities,
+    foot_positions,
+    leg_points,
+    link_positions,
+    link_rotations,
+    link_turning,
+)
 from kine2go_warp.rotations import from_rotation
 
 
@@ -17,6 +24,26 @@ def test_closed_form_agrees_with_placo(rng):
         robot.update_kinematics()
         expected = [robot.get_T_world_frame(link)[:3, 3] for link in GO2.link_names]
         np.testing.assert_allclose(link_positions(GO2, pose), expected, atol=1e-12)
+
+
+def test_links_turn_as_those_of_placo(rng):
+    """Orientations against placo's frames, angular velocities against their differences."""
+    step = 1e-6
+    robot = placo.RobotWrapper(str(GO2.urdf), placo.Flags.ignore_collisions)
+    robot.set_T_world_fbase(np.eye(4))
+
+    def turned(joints):
+        for name, value in zip(GO2.joint_names, joints, strict=True):
+            robot.set_joint(name, value)
+        robot.update_kinematics()
+        return np.array([robot.get_T_world_frame(link)[:3, :3] for link in GO2.link_names])
+
+    for joints in rng.uniform(GO2.joint_lower, GO2.joint_upper, (20, 12)):
+        rates = rng.normal(scale=5.0, size=12)
+        np.testing.assert_allclose(link_rotations(GO2, joints), turned(joints), atol=1e-12)
+        before, after = turned(joints - step * rates), turned(joints + step * rates)
+        expected = Rotation.from_matrix(after @ before.transpose(0, 2, 1)).as_rotvec() / (2.0 * step)
+        np.testing.assert_allclose(link_turning(GO2, joints, rates), expected, atol=1e-6)
 
 
 def test_shapes_follow_the_leading_dimensions(rng):

@@ -27,7 +27,7 @@ EVERYTHING = GatherConfig(trajectories=24, num_worlds=4, rows=24, warm_up=0.1, m
 def everything(policy, tmp_path_factory):
     path = tmp_path_factory.mktemp("collector") / "everything" / "dataset.zarr"
     gather(policy, DatasetWriter(path, GO2), EVERYTHING, "cpu")
-    return open_dataset(path, include_rejected=True).load("dog_trot").trajectories
+    return open_dataset(path).load("dog_trot").trajectories
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +80,42 @@ def test_rejected_rollouts_are_kept_with_their_reasons(with_rejected, everything
 def test_a_dataset_with_rejected_rollouts_is_clean(with_rejected):
     report = check_dataset(with_rejected[1], GO2)
     assert report.is_clean, [str(finding) for finding in report.findings]
+
+
+@pytest.fixture(scope="module")
+def leaving(policy, everything, tmp_path_factory):
+    """The same rollouts, of which about every second leaves the reference: ended there, and going on until a fall."""
+    limit, stores = float(np.median(everything.groups["quality"]["largest_root_error"])), []
+    for until_fall in (False, True):
+        path = tmp_path_factory.mktemp("leaving") / "dataset.zarr"
+        config = replace(
+            EVERYTHING, trajectories=6, max_distance=limit, keep_rejected=True, min_acceptance=0.0,
+            until_fall=until_fall,
+        )  # fmt: skip
+        gather(policy, DatasetWriter(path, GO2), config, "cpu")
+        stores.append(path)
+    return [open_dataset(path, include_rejected=True) for path in stores]
+
+
+def test_rollouts_that_leave_the_reference_go_on_until_they_fall(leaving):
+    plain, whole = ({one.values["seed"]: one for one in data.trajectories()} for data in leaving)
+    assert set(plain) == set(whole), "the same rollouts"
+    left = [seed for seed, one in plain.items() if one.values["reason"] in ("distance", "rotation")]
+    assert left, "some leave it"
+    for seed, one in plain.items():
+        longer = whole[seed]
+        for name, values in one.arrays.items():
+            # The reward of the row that ends a rollout is the last that both have.
+            np.testing.assert_array_equal(values, longer.arrays[name][: one.length], err_msg=name)
+        if seed in left:
+            assert longer.length > one.length
+            is_fallen = longer.values["reason"] == "body_contact"
+            assert longer.values["terminated"] == is_fallen
+            assert is_fallen or longer.length == EVERYTHING.rows
+            assert longer.values["reason"], "it is no accepted rollout"
+        else:
+            assert (longer.length, longer.values["reason"]) == (one.length, one.values["reason"])
+    assert {whole[seed].values["reason"] for seed in left} & {"distance", "rotation"}
 
 
 def test_max_attempts_ends_the_batches_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):

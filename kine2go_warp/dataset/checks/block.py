@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.schema import RewardSettings, reward_settings
+from kine2go_warp.dataset.quality import rollout_quality
+from kine2go_warp.dataset.schema import RewardSettings, observation_labels, reward_settings
+from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import MotorLimits
@@ -54,6 +56,10 @@ class Settings:
     """Furthest that it is turned from its reference [rad]."""
     max_joint_rmse: float | None
     """Worst tracking of an accepted rollout's joints [rad]."""
+    observed: tuple[str, ...]
+    """Names of the columns of observations, none where they are not stored."""
+    limits: Mapping[str, float]
+    """Limits of the filter by the metric that they are for."""
 
     @classmethod
     def read(cls, root: Mapping[str, Any], motion: Mapping[str, Any]) -> "Settings":
@@ -86,6 +92,8 @@ class Settings:
             max_distance=gathering("max_distance"),
             max_angle=gathering("max_angle"),
             max_joint_rmse=gathering("max_joint_rmse"),
+            observed=observation_labels(motion),
+            limits={one.name: limit for one in FILTER_METRICS if (limit := gathering(one.setting or "")) is not None},
         )
 
 
@@ -187,6 +195,16 @@ class Block:
         if "length" not in self.stored:
             return np.zeros((self.num_trajectories, self.num_rows), dtype=bool)
         return np.arange(self.num_rows) >= self.stored["length"][:, None]
+
+    @cached_property
+    def quality(self) -> Mapping[str, Array]:
+        """The metrics of the filter, computed from the rows; none where the rate is not known."""
+        frequency = self.settings.control_frequency
+        if frequency is None:
+            return {}
+        found = rollout_quality(self.rows, 1.0 / frequency, self.spec)
+        limits = [found[one.name] / self.settings.limits.get(one.name, np.nan) for one in FILTER_METRICS]
+        return {**found, "worst_limit_ratio": np.max(np.stack(limits), axis=0)}
 
     @property
     def num_trajectories(self) -> int:

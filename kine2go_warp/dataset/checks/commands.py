@@ -1,6 +1,7 @@
 """Checks of actions, targets and torques against one another and against the motors' law."""
 
 import math
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,12 @@ def beyond_effort(block: Block) -> Array:
     return np.maximum(largest(np.abs(block["joint_torque"]) - np.maximum(limits.driving, limits.braking), 2), 0.0)
 
 
+def peak_beyond_effort(block: Block) -> Array:
+    """Return the same for the largest torque of a row's substeps [N m], shape [n, num_rows]."""
+    most = np.maximum(block.motor_limits.driving, block.motor_limits.braking)
+    return np.maximum(largest(block["joint_torque_peak"] - most, 2), 0.0)
+
+
 def beyond_line(block: Block) -> Array:
     """Return by how much a torque is more than the motors can give at the joint's speed [N m], shape [n, num_rows].
 
@@ -89,8 +96,6 @@ def torque_error(block: Block) -> Array | None:
     settings = block.settings
     if settings.physics_substeps is None or settings.control_frequency is None:
         return None
-    if any(f"randomization/{name}" not in block for name in MOTOR):
-        return None
     substeps, frequency = settings.physics_substeps, settings.control_frequency
     lags = np.array([latency_rows(latency, substeps, frequency) for latency in block["randomization/latency"]])
     error = np.full(block.num_trajectories, np.nan)
@@ -117,6 +122,40 @@ def motor_error(block: Block, lag: int, substep: float) -> Array:
     return median(np.abs(torque - expected), 1) / (median(np.abs(torque), 1) + 0.1)
 
 
+def observation_error(block: Block) -> Array:
+    """Return how far observations are from the rows and from one another, shape [n, num_rows].
+
+    Joints now, and the reference's in coming rows, are the rows'; what was seen now is seen again in the history
+    of later rows.
+    """
+    observed, default = block["observation"], np.array(block.spec.default_joint_position)
+    names = {name: place for place, name in enumerate(block.settings.observed)}
+    rows = {
+        "joint_position": block["joint_position"] - default,
+        "joint_velocity": block["joint_velocity"],
+        "reference_joint_position": block["reference_joint_position"] - default,
+    }
+    error = np.zeros(observed.shape[:2])
+    for name, place in names.items():
+        match = OBSERVED.fullmatch(name)
+        if match is None:
+            continue
+        term, offset, part = match[1], int(match[2] or 0), match[3]
+        if term in rows and part in block.spec.joint_names and (offset == 0 or term.startswith("reference")):
+            expected, ahead = rows[term][..., block.spec.joint_names.index(part)], offset
+        elif offset < 0 and f"{term}[t].{part}" in names:
+            expected, ahead = observed[..., names[f"{term}[t].{part}"]], offset
+        else:
+            continue
+        expected = np.roll(expected, -ahead, axis=1)
+        expected[:, slice(-ahead, None) if ahead > 0 else slice(0, -ahead)] = np.nan
+        error = np.fmax(error, np.abs(observed[..., place] - expected))
+    return np.where(block.beyond, np.nan, error)
+
+
+OBSERVED = re.compile(r"(\w+)\[t([+-]\d+)?\]\.(\w+)")
+"""Name of a column of an observation: the term, the control steps from now, and the joint, foot or axis."""
+
 CHECKS = (
     RowCheck(
         "action", "action", ("action", "joint_target"),
@@ -133,9 +172,18 @@ CHECKS = (
         mean_misplaced, 0.1, "of the distance",
     ),
     RowCheck(
+        "observation", "observation", ("observation", "joint_position", "joint_velocity", "reference_joint_position"),
+        "what is observed is what the rows say of joints and reference, and what earlier rows observed",
+        "not what the rows say: off", observation_error, 1e-4,
+    ),
+    RowCheck(
         "torque limits", "joint_torque", ("joint_torque",),
         "torques keep within what the motors can give, at any speed and at the joint's",
         "beyond the motors' largest torque", beyond_effort, 1e-3, "N m",
+    ),
+    RowCheck(
+        "torque limits", "joint_torque_peak", ("joint_torque_peak",), "",
+        "beyond the motors' largest torque", peak_beyond_effort, 1e-3, "N m",
     ),
     RowCheck(
         "torque limits", "joint_torque", ("joint_torque", "joint_velocity"), "",
@@ -146,7 +194,9 @@ CHECKS = (
         "joints are no faster than their motors", "faster than the motor can turn it", beyond_speed, 0.01, "rad/s",
     ),
     RowCheck(
-        "motor law", "joint_torque", ("joint_torque", "joint_target", "joint_position", "joint_velocity"),
+        "motor law", "joint_torque",
+        ("joint_torque", "joint_target", "joint_position", "joint_velocity",
+         *(f"randomization/{name}" for name in MOTOR)),
         "torques are stiffness * (target - position) - damping * velocity, the target as old as the latency says",
         "usually not what targets, joints and gains give: off", torque_error, 0.5, "of the usual torque",
     ),

@@ -1,4 +1,4 @@
-"""Checks of what was drawn for each trajectory, of where it began, and of what its motors and feet bore."""
+"""Checks of what was drawn for each trajectory, of where it began, and of its contacts."""
 
 from collections.abc import Callable
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.commands import SHORTEST_SAMPLE, latency_rows
 from kine2go_warp.dataset.checks.dynamics import FLOOR, PAIRS
-from kine2go_warp.dataset.checks.kinematics import CLEARANCE, GRAVITY, SHORTEST_WEIGHING
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.statistics import largest, mean, median, root_mean_square
+from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
+from kine2go_warp.rotations import rotation_between
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array | None]
@@ -55,7 +55,8 @@ def final_error(position: str, velocity: str) -> Measure:
         places = np.clip(block["length"].astype(int) - 1, 0, block.num_rows - 1)
         each = np.arange(block.num_trajectories)
         end = (settings.physics_substeps + 1) / (2 * settings.physics_substeps)
-        change = block[f"final_state/{position}"] - block[position][each, places]
+        before, after = block[position][each, places], block[f"final_state/{position}"]
+        change = rotation_between(before, after) if position.endswith("orientation") else after - before
         velocities = block[velocity]
         expected = (1.0 - end) * velocities[each, places] + end * block[f"final_state/{velocity}"]
         yardstick = largest(np.abs(np.diff(velocities, axis=1)), 1) + FLOOR
@@ -64,6 +65,14 @@ def final_error(position: str, velocity: str) -> Measure:
         return np.where(pushed & position.startswith("root"), np.nan, left)
 
     return measure
+
+
+def reference_step_error(block: Block) -> Array | None:
+    """Return how far the control steps before the first row are from those of the warm-up, shape [n]."""
+    settings = block.settings
+    if settings.warm_up is None or settings.control_frequency is None:
+        return None
+    return np.abs(block["initial_state/reference_step"] - round(settings.warm_up * settings.control_frequency))
 
 
 def held_error(name: str) -> Measure:
@@ -108,15 +117,39 @@ def range_error(name: str) -> Measure:
     return measure
 
 
-def noise_level_error(block: Block) -> Array | None:
-    """Return how far the spread of a trajectory's action noise is from the policy's times ``noise``, in parts of it."""
+STANDARD_ERRORS = 6.5
+"""The spread of noise may be off by this many."""
+
+
+def normal_noise(block: Block) -> Array | None:
+    """Return the action noise in units of ``policy_std`` and ``noise``, NaN where there is none, [n, num_rows, 12]."""
     deviation = block.settings.policy_std
     if deviation is None or len(deviation) != block["action"].shape[-1]:
         return None
-    noise = (block["action"] - block["action_mean"]) / np.array(deviation)
-    rows = (~np.isnan(noise[..., 0])).sum(axis=-1)
-    level = root_mean_square(noise, 1) / block["noise"]
-    return np.where((rows >= SHORTEST_SAMPLE) & (block["noise"] > 0.0), np.abs(level - 1.0), np.nan)
+    spread = np.where(block["noise"] > 0.0, block["noise"], np.nan)[:, None, None] * np.array(deviation)
+    return (block["action"] - block["action_mean"]) / spread
+
+
+def spread_error(noise: Array) -> Array:
+    """Return how far the spread of normal noise is from 1 in standard errors of a sample of that size, shape [n]."""
+    count = (~np.isnan(noise)).sum(axis=tuple(range(1, noise.ndim)))
+    errors = np.abs(root_mean_square(noise, 1) - 1.0) * np.sqrt(2.0 * count)
+    return np.where(count >= SHORTEST_SAMPLE, errors, np.nan)
+
+
+def noise_level_error(block: Block) -> Array | None:
+    """Return how far the spread of a trajectory's action noise is from the policy's times ``noise``, shape [n]."""
+    noise = normal_noise(block)
+    return None if noise is None else spread_error(noise)
+
+
+def policy_spread_error(block: Block) -> Array | None:
+    """Return how far that of the worst joint is over all trajectories but odd ones, the same for each, shape [n]."""
+    noise = normal_noise(block)
+    if noise is None:
+        return None
+    noise = np.where((spread_error(noise) > STANDARD_ERRORS)[:, None, None], np.nan, noise)
+    return np.full(block.num_trajectories, largest(spread_error(np.moveaxis(noise, -1, 0)), 0))
 
 
 def applied_error(block: Block) -> Array | None:
@@ -134,40 +167,6 @@ def applied_error(block: Block) -> Array | None:
     return error
 
 
-def beyond_peak(name: str) -> Measure:
-    """Return a measure of how much a last or mean value exceeds the largest of its row, in parts of it."""
-
-    def measure(block: Block) -> Array:
-        values, peak = block[name], block[f"{name.removesuffix('_mean')}_peak"]
-        size = np.linalg.norm(values, axis=-1) if values.ndim > peak.ndim else np.abs(values)
-        return np.maximum(largest((size - peak) / (peak + 1.0), 2), 0.0)
-
-    return measure
-
-
-def stands(block: Block) -> Array:
-    """Return which trajectories are long enough to be weighed and touch the ground with feet alone."""
-    rows = (~np.isnan(block["leg_contact"])).sum(axis=-1)
-    return (rows >= SHORTEST_WEIGHING) & (mean(block["leg_contact"], 1) == 0.0)
-
-
-def mean_weight_error(block: Block) -> Array:
-    """Return how far the mean force on the feet is from what weight and rise of the base ask for, in weights, [n]."""
-    velocity, frequency = block["root_linear_velocity"][..., 2], block.settings.control_frequency or np.nan
-    rows = (~np.isnan(velocity)).sum(axis=-1)
-    last = np.take_along_axis(velocity, np.maximum(rows - 1, 0)[:, None], axis=1)[:, 0]
-    rise = (last - velocity[:, 0]) * frequency / np.maximum(rows - 1, 1)
-    weight = (block.spec.mass + block["randomization/base_mass"]) * GRAVITY
-    force = mean(block["foot_contact_force_mean"][:, 1:, :, 2].sum(axis=-1), 1)
-    return np.where(stands(block), np.abs(force / weight - 1.0 - rise / GRAVITY), np.nan)
-
-
-def last_force_error(block: Block) -> Array:
-    """Return how far last substeps' forces are from the means on average, in parts of it, shape [n]."""
-    last, whole = (mean(block[name][..., 2].sum(axis=-1), 1) for name in FORCES)
-    return np.where(stands(block), np.abs(last / whole - 1.0), np.nan)
-
-
 def foot_depth(block: Block) -> Array | None:
     """Return how deep the lowest point of a foot that the ground pushes usually is below flat ground [m], shape [n]."""
     if not block.settings.is_flat:
@@ -177,19 +176,17 @@ def foot_depth(block: Block) -> Array | None:
     return np.maximum(median(np.where(bears, block.spec.foot_radius - feet, np.nan), 1), 0.0)
 
 
-def leg_in_the_air(block: Block) -> Array | None:
-    """Return the height of the lowest thigh or calf in rows with ``leg_contact`` on flat ground [m], [n, num_rows]."""
+def leg_contact_error(block: Block) -> Array | None:
+    """Return the height of the lowest thigh or calf where it should touch flat ground, its depth elsewhere [m]."""
     if not block.settings.is_flat:
         return None
     spec, height = block.spec, block["link_position"][..., 2]
-    knee, foot = height[..., 8:12], height[..., 12:16]
+    knee, foot = height[..., 2:12:3], height[..., 12:16]
     along = np.array(spec.calf_span) / spec.legs[0].calf_length
     ends = [knee + share * (foot - knee) - spec.calf_radius for share in along]
     lowest = np.minimum(np.min(ends, axis=(0, -1)), np.min(knee, axis=-1) - spec.thigh_radius)
-    return np.where(block["leg_contact"] > 0.0, np.maximum(lowest - CLEARANCE, 0.0), 0.0)
+    return np.maximum(np.where(block["leg_contact"] > 0.0, lowest, -lowest), 0.0)
 
-
-FORCES = ("foot_contact_force", "foot_contact_force_mean")
 
 CHECKS = (
     *(
@@ -209,6 +206,15 @@ CHECKS = (
         )
         for one in RANDOMIZED_PARAMETERS
     ),
+    RowCheck(
+        "initial state", "initial_state/reference_step", ("initial_state/reference_step",), "",
+        "not the control steps of the warm-up: off", reference_step_error, 0.0,
+    ),
+    RowCheck(
+        "terminated", "terminated", ("terminated",),
+        "accepted rollouts were truncated, not terminated", "an accepted rollout that ended early:",
+        lambda block: np.abs(block["terminated"]), 0.0,
+    ),
     *(
         RowCheck(
             "final state", f"final_state/{position}",
@@ -216,7 +222,7 @@ CHECKS = (
             "the state after the last row is where its velocities lead", "not where the last row's velocity leads: off",
             final_error(position, velocity), 0.8, "of its own largest change",
         )
-        for position, velocity in (PAIRS[0], PAIRS[2])
+        for position, velocity in PAIRS[:3]
     ),
     *(
         RowCheck(
@@ -228,31 +234,18 @@ CHECKS = (
     ),
     RowCheck(
         "noise level", "noise", ("noise", "action", "action_mean"),
-        "action noise spreads as policy_std times noise say", "the spread of the action noise is off",
-        noise_level_error, 0.25, "of itself",
+        "action noise spreads as policy_std times noise say, in each trajectory and, over all, in each joint",
+        "the spread of the action noise is off", noise_level_error, STANDARD_ERRORS, "standard errors",
+    ),
+    RowCheck(
+        "noise level", "action", ("noise", "action", "action_mean"), "",
+        "a joint's action noise does not spread as policy_std says: off", policy_spread_error, STANDARD_ERRORS,
+        "standard errors",
     ),
     RowCheck(
         "applied target", "applied_target", ("applied_target", "joint_target", "randomization/latency"),
         "applied_target is joint_target of the row that the latency says", "not the target in force: off",
         applied_error, 1e-6, "rad",
-    ),
-    *(
-        RowCheck(
-            "peaks", name, (name, f"{name.removesuffix('_mean')}_peak"),
-            "no torque, power or force, of the last substep or in the mean, exceeds the row's peak", "beyond the peak",
-            beyond_peak(name), 1e-3, "of 1 + the peak",
-        )
-        for name in ("joint_torque", "joint_torque_mean", "joint_power_mean", "foot_contact_force")
-    ),
-    RowCheck(
-        "mean force", "foot_contact_force_mean",
-        ("foot_contact_force_mean", "leg_contact", "root_linear_velocity", "randomization/base_mass"),
-        f"the floor carries the weight that was drawn, over {SHORTEST_WEIGHING} rows or more on the feet alone",
-        "the mean force is off", mean_weight_error, 0.02, "of the weight",
-    ),
-    RowCheck(
-        "mean force", "foot_contact_force", (*FORCES, "leg_contact"), "", "on average not the rows' means: off",
-        last_force_error, 0.1, "of them",
     ),
     RowCheck(
         "foot depth", "link_position", ("link_position", "foot_contact_force"),
@@ -261,8 +254,8 @@ CHECKS = (
     ),
     RowCheck(
         "leg contact", "leg_contact", ("leg_contact", "link_position"),
-        "in rows with `leg_contact`, a thigh or calf is near the ground (flat ground)",
-        "thighs and calves are above the ground", leg_in_the_air, 0.005, "m",
+        "a thigh or calf is at the ground in rows with `leg_contact` and in no others (flat ground)",
+        "not where thighs and calves touch the ground: off", leg_contact_error, 0.01, "m",
     ),
 )  # fmt: skip
 """All of them."""

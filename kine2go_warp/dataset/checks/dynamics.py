@@ -43,11 +43,13 @@ def remainder(block: Block, position: str, velocity: str) -> Array | None:
     settings = block.settings
     if settings.control_frequency is None or settings.physics_substeps is None:
         return None
-    end = (settings.physics_substeps + 1) / (2 * settings.physics_substeps)
+    substeps = settings.physics_substeps
+    # The reference is interpolated, not integrated.
+    end = 0.5 if position.startswith("reference") else (substeps + 1) / (2 * substeps)
     values = block[velocity]
     expected = (1.0 - end) * values[:, :-1] + end * values[:, 1:]
     left = np.abs(flat(rate_of_change(block, position) - expected, 2))
-    if PUSH in block and not position.startswith("joint"):
+    if PUSH in block and position.startswith(("root", "link")):
         left[np.any(block[PUSH][:, :-1] != 0.0, axis=-1)] = np.nan
     return left
 
@@ -58,7 +60,7 @@ def overall(position: str, velocity: str) -> Measure:
     It is a root mean square, for joints the mean size: impacts stop single joints within a row, and where a joint's
     velocity hardly changes otherwise, the squares of these few rows would decide.
     """
-    average = mean if position == "joint_position" else root_mean_square
+    average = mean if position.endswith("joint_position") else root_mean_square
 
     def measure(block: Block) -> Array | None:
         left = remainder(block, position, velocity)
@@ -90,6 +92,8 @@ PAIRS = (
 )
 """Positions and their velocities."""
 
+REFERENCE_PAIRS = tuple(tuple(f"reference_{name}" for name in pair) for pair in PAIRS[:3])
+
 CHECKS = tuple(
     check
     for position, velocity in PAIRS
@@ -107,5 +111,13 @@ CHECKS = tuple(
             0.8, "of its own largest change",
         ),
     )
+) + tuple(
+    RowCheck(
+        "reference velocity", velocity, (position, velocity),
+        "the reference's velocities are the changes of its poses",
+        f"does not explain how {position} changes: off", overall(position, velocity),
+        0.4, "of its own change from row to row",
+    )
+    for position, velocity in REFERENCE_PAIRS
 )  # fmt: skip
 """All of them."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.statistics import largest, mean
-from kine2go_warp.robots.kinematics import foot_positions, link_positions
+from kine2go_warp.robots.kinematics import foot_positions, link_positions, link_rotations, link_turning
 from kine2go_warp.rotations import rotate_by_matrices, to_matrices
 
 Array = NDArray[np.float64]
@@ -49,6 +49,23 @@ def link_velocity_error(block: Block) -> Array:
         + rotate_by_matrices(rotation, relative_b)
     )
     return largest(np.linalg.norm(block["link_linear_velocity"] - expected, axis=-1), 2)
+
+
+def link_orientation_error(block: Block) -> Array:
+    """Return the furthest that a link is turned from where root and joints turn it [rad], shape [n, num_rows]."""
+    root = to_matrices(block["root_orientation"])[:, :, None]
+    expected = root @ link_rotations(block.spec, block["joint_position"])
+    # |A - B| of rotation matrices is sqrt(8) times the sine of half the angle between them.
+    apart = np.linalg.norm(to_matrices(block["link_orientation"]) - expected, axis=(-2, -1))
+    return largest(2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0)), 2)
+
+
+def link_turning_error(block: Block) -> Array:
+    """Return how far a link's angular velocity is from that of root and joints [rad/s], shape [n, num_rows]."""
+    turning_b = link_turning(block.spec, block["joint_position"], block["joint_velocity"])
+    turning = rotate_by_matrices(to_matrices(block["root_orientation"]), turning_b)
+    expected = block["root_angular_velocity"][:, :, None] + turning
+    return largest(np.linalg.norm(block["link_angular_velocity"] - expected, axis=-1), 2)
 
 
 def reference_foot_error(block: Block) -> Array:
@@ -116,6 +133,17 @@ CHECKS = (
          "joint_position", "joint_velocity"),
         "links move as root and joint velocities, of the same instant, make them",
         "not what root and joint velocities give: off", link_velocity_error, 2e-4, "m/s",
+    ),
+    RowCheck(
+        "link orientation", "link_orientation", ("link_orientation", "root_orientation", "joint_position"),
+        "links are turned as root and joint positions turn them", "not turned as root and joints turn it: off",
+        link_orientation_error, 2e-5, "rad",
+    ),
+    RowCheck(
+        "link turning", "link_angular_velocity",
+        ("link_angular_velocity", "root_angular_velocity", "root_orientation", "joint_position", "joint_velocity"),
+        "links turn as root and joint velocities, of the same instant, make them",
+        "not what root and joint velocities give: off", link_turning_error, 2e-4, "rad/s",
     ),
     RowCheck(
         "reference kinematics", "reference_foot_position",

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kine2go_warp.dataset.schema import (
+    OPTIONAL_ROW_ARRAYS,
     ROW_ARRAYS,
     SUB_GROUPS,
     TRAJECTORY_ARRAYS,
@@ -35,9 +36,10 @@ class Layout:
         return {**sizes, "coordinate": 7 + num_joints, "velocity": 6 + num_joints}
 
     @classmethod
-    def of(cls, spec: RobotSpec, reward_terms: Sequence[str]) -> "Layout":
-        """Return the layout for a robot and some reward terms."""
-        arrays = {array.name: array for array in (*COORDINATES, *ROW_ARRAYS, *TRAJECTORY_ARRAYS)}
+    def of(cls, spec: RobotSpec, reward_terms: Sequence[str], observed: Sequence[str] = ()) -> "Layout":
+        """Return the layout for a robot, some reward terms and, where they are stored, columns of observations."""
+        optional = OPTIONAL_ROW_ARRAYS if observed else ()
+        arrays = {array.name: array for array in (*COORDINATES, *ROW_ARRAYS, *optional, *TRAJECTORY_ARRAYS)}
         for group, members in SUB_GROUPS.items():
             arrays.update({f"{group}/{array.name}": array for array in members})
-        return cls(arrays, coordinates(spec, reward_terms))
+        return cls(arrays, coordinates(spec, reward_terms, observed))

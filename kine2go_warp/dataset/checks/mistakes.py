@@ -7,9 +7,12 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.checks.block import Block
+from kine2go_warp.dataset.checks.block import Block, is_rows
 from kine2go_warp.dataset.checks.records import Diagnosis, RowCheck
-from kine2go_warp.dataset.schema import ROW_ARRAYS, ArraySpec
+from kine2go_warp.dataset.checks.rows import advance, turns
+from kine2go_warp.dataset.schema import OPTIONAL_ROW_ARRAYS, ROW_ARRAYS, ArraySpec
+from kine2go_warp.quantities import MIRRORED_LEGS
+from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import to_matrices
 
 Array = NDArray[np.float64]
@@ -17,6 +20,18 @@ Change = Callable[[Block], dict[str, Array]]
 
 MAX_TRAJECTORIES = 4
 """Trajectories on which mistakes are tried out."""
+
+ORDERED = {"joint": "joints", "foot": "feet"}
+"""Dimensions whose order may be wrong, and what is said of them."""
+
+SHIFTS = {
+    sign * rows: f"{count} {'late' if sign > 0 else 'early'}"
+    for rows, count in ((1, "one row"), (2, "two rows"), (3, "three rows"))
+    for sign in (1, -1)
+}
+"""Rows by which commands may be moved, other arrays by one, and what is said of them."""
+
+COMMANDS = ("action", "action_mean", "joint_target")
 
 
 @dataclass(frozen=True)
@@ -33,31 +48,96 @@ class KnownMistake:
 
 def known_mistakes(block: Block) -> Iterator[KnownMistake]:
     """Yield the mistakes to try, those of one array first."""
-    spec = block.spec
-    joints = [spec.sdk_motor_order.index(name) for name in spec.joint_names]
-    feet = [joints[3 * leg] // 3 for leg in range(len(spec.legs))]
-    arrays = [array for array in ROW_ARRAYS if array.name in block]
+    orders = wrong_orders(block.spec)
+    arrays = [array for array in (*ROW_ARRAYS, *OPTIONAL_ROW_ARRAYS) if array.name in block]
     for array in arrays:
         yield from unit_mistakes(array)
         yield from frame_mistakes(array, block)
-        for index, name, order in (("joint", "joints", joints), ("foot", "feet", feet)):
-            if index in array.dims:
-                what = f"{array.name} has its {name} in the motors' order"
-                yield KnownMistake(what, (array.name,), reordered((array,), index, order))
-        for shift in (-1, 1):
-            where = "late" if shift > 0 else "early"
-            yield KnownMistake(f"{array.name} is one row {where}", (array.name,), shifted((array.name,), shift))
-    by_joint = tuple(array for array in arrays if "joint" in array.dims)
-    names = tuple(array.name for array in by_joint)
-    yield KnownMistake("all arrays have their joints in the motors' order", names, reordered(by_joint, "joint", joints))
-    commands = tuple(name for name in ("action", "action_mean", "joint_target") if name in block)
-    for shift, where in ((1, "late"), (-1, "early")):
-        yield KnownMistake(f"actions and targets are one row {where}", commands, shifted(commands, shift))
+        for dimension, plural in ORDERED.items():
+            for how, order in orders[dimension].items() if dimension in array.dims else ():
+                what = f"{array.name} has its {plural} {how}"
+                yield KnownMistake(what, (array.name,), reordered((array,), dimension, order))
+        for shift, when in SHIFTS.items():
+            if abs(shift) == 1 or array.name in COMMANDS:
+                yield KnownMistake(f"{array.name} is {when}", (array.name,), shifted((array.name,), shift))
+    for dimension, plural in ORDERED.items():
+        concerned = tuple(array for array in arrays if dimension in array.dims)
+        names = tuple(array.name for array in concerned)
+        for how, order in orders[dimension].items():
+            what = f"all arrays have their {plural} {how}"
+            yield KnownMistake(what, names, reordered(concerned, dimension, order))
+    commands = tuple(name for name in COMMANDS if name in block)
+    for shift, when in SHIFTS.items():
+        yield KnownMistake(f"actions and targets are {when}", commands, shifted(commands, shift))
+    yield from latency_mistakes(block)
+    if {"phase", "cycle", "length"} <= set(block.stored):
+        every = tuple(name for name, values in block.stored.items() if is_rows(name, values))
+        yield KnownMistake("a row was left out of all arrays", (*every, "length"), with_missing_rows)
+        yield KnownMistake("a row is there twice in all arrays", (*every, "length"), without_repeated_rows)
+
+
+def wrong_orders(spec: RobotSpec) -> dict[str, dict[str, list[int]]]:
+    """Return the places from which wrongly ordered joints and feet are taken, by dimension and by how they lie."""
+    legs, places = len(spec.legs), np.arange(len(spec.joint_names))
+    motors = [spec.sdk_motor_order.index(name) for name in spec.joint_names]
+    by_kind = places.reshape(-1, legs).T.ravel().tolist()
+    joints = {"in the motors' order": motors, "grouped by kind, all hips first": by_kind}
+    feet = {"in the motors' order": [motors[3 * leg] // 3 for leg in range(legs)]}
+    if legs == len(MIRRORED_LEGS):
+        for how, order in (("swapped front for rear", [2, 3, 0, 1]), ("swapped crosswise", [3, 2, 1, 0])):
+            feet[how] = order
+            joints[f"of legs {how}"] = [3 * leg + joint for leg in order for joint in range(3)]
+    return {"joint": joints, "foot": feet}
+
+
+def latency_mistakes(block: Block) -> Iterator[KnownMistake]:
+    """Yield the mistake of a latency that is not the one of the settings."""
+    settings, names = block.settings, ("randomization/latency", "initial_state/delay")
+    if settings.latency is None or settings.physics_substeps is None or settings.control_frequency is None:
+        return
+    rate = settings.physics_substeps * settings.control_frequency
+    substeps = round(settings.latency * rate)
+    right = dict(zip(names, (substeps / rate, float(substeps)), strict=True))
+    stored = tuple(name for name in names if name in block and not np.allclose(block.stored[name], right[name]))
+    for chosen in {stored, *((name,) for name in stored)} - {()}:
+        what = f"{' and '.join(chosen)} {'is' if len(chosen) == 1 else 'are'} not the latency of the settings, "
+        yield KnownMistake(
+            f"{what}{substeps} substeps", chosen,
+            lambda block, chosen=chosen: {name: np.full_like(block.stored[name], right[name]) for name in chosen},
+        )  # fmt: skip
+
+
+def with_missing_rows(block: Block) -> dict[str, Array]:
+    """Return the rows of all trajectories with a hole where the reference's pace shows that one was left out."""
+    return edited(block, lambda steps, pace: np.flatnonzero(np.abs(steps - 2.0 * pace) < 0.5 * pace) + 1, True)
+
+
+def without_repeated_rows(block: Block) -> dict[str, Array]:
+    """Return the rows of all trajectories without those in which the reference stands still."""
+    return edited(block, lambda steps, pace: np.flatnonzero(np.abs(steps) < 0.5 * pace) + 1, False)
+
+
+def edited(block: Block, find: Callable[[Array, float], NDArray[np.intp]], is_added: bool) -> dict[str, Array]:
+    """Return all rows with a hole at the first place found in each trajectory, or without that row; one row longer."""
+    turn, pace = turns(block), float(advance(block)[0])
+    names = [name for name, values in block.stored.items() if is_rows(name, values)]
+    length, changed = block.stored["length"].copy(), {}
+    places = [find(np.diff(one), pace)[:1] for one in turn]
+    for name in names:
+        values = block.stored[name]
+        changed[name] = np.full((len(values), values.shape[1] + 1, *values.shape[2:]), np.nan)
+        for index, own in enumerate(values):
+            rows = np.insert(own, places[index], np.nan, axis=0) if is_added else np.delete(own, places[index], axis=0)
+            changed[name][index, : len(rows)] = rows
+    length += np.array([len(place) for place in places]) * (1 if is_added else -1)
+    return {**changed, "length": length}
 
 
 def unit_mistakes(array: ArraySpec) -> Iterator[KnownMistake]:
-    """Yield mistakes of units."""
+    """Yield mistakes of units and signs."""
     name = array.name
+    if array.unit != "1" and "quaternion" not in array.dims:
+        yield KnownMistake(f"{name} has the wrong sign", (name,), lambda block: {name: -block.stored[name]})
     if array.unit in ("rad", "rad/s"):
         yield KnownMistake(f"{name} is in degrees", (name,), lambda block: {name: np.radians(block.stored[name])})
     if array.unit in ("m", "m/s"):
@@ -108,7 +188,7 @@ def shifted(names: tuple[str, ...], rows: int) -> Change:
         moved = {}
         for name in names:
             moved[name] = np.roll(block.stored[name], -rows, axis=1)
-            moved[name][:, -1 if rows > 0 else 0] = np.nan
+            moved[name][:, slice(-rows, None) if rows > 0 else slice(0, -rows)] = np.nan
         return moved
 
     return change
@@ -131,18 +211,33 @@ def diagnose(motion: str, block: Block, checks: Sequence[RowCheck]) -> list[Diag
         if not any(check in failed for check in concerned):
             continue
         mended = block.replaced(only(bad, block, mistake.undo(block)))
-        still = [check for check in concerned if failing(mended, [check]).any()]
-        fixes = dict.fromkeys(check.name for check in failed if check in concerned and check not in still)
-        if fixes and all(check in failed for check in still):
+        wrong = [check for check in concerned if check in failed]
+        still = [check for check in wrong if not holds(mended, check, block)]
+        fixes = dict.fromkeys(check.name for check in wrong if check not in still)
+        if fixes and not any(failing(mended, [check]).any() for check in concerned if check not in failed):
             candidates.append(Diagnosis(motion, mistake.what, tuple(fixes), len({check.name for check in failed})))
     most = max((len(one.fixes) for one in candidates), default=0)
     return [one for one in candidates if len(one.fixes) == most]
+
+
+def holds(mended: Block, check: RowCheck, block: Block) -> bool:
+    """Return whether a check finds nothing wrong, and still judges each trajectory that it judged before."""
+    values, before = check.off_by(mended), check.off_by(block)
+    if values is None or before is None:
+        return False
+    after, known = (one.reshape(block.num_trajectories, -1) for one in (values, before))
+    is_judged = (~np.isnan(after)).any(axis=1) | np.isnan(known).all(axis=1)
+    return bool(is_judged.all() and not np.any(after > check.tolerance))
 
 
 def only(chosen: NDArray[np.bool_], block: Block, changes: dict[str, Array]) -> dict[str, Array]:
     """Return changed arrays with the change in some trajectories only."""
     mixed = {}
     for name, changed in changes.items():
+        if changed.shape != block.stored[name].shape:
+            # Rows were added, in all trajectories.
+            mixed[name] = changed
+            continue
         mixed[name] = block.stored[name].copy()
         mixed[name][chosen] = changed[chosen]
     return mixed

@@ -10,6 +10,7 @@ from kine2go_warp.dataset.checks.catalogue import PHYSICS, PHYSICS_LIMITS, PHYSI
 from kine2go_warp.dataset.checks.reading import StoredMotion
 from kine2go_warp.dataset.checks.records import Finding
 from kine2go_warp.dataset.resimulate import ROWS, StoredRobot, mujoco
+from kine2go_warp.dataset.schema import FINAL_STATE_ARRAYS
 from kine2go_warp.robots import RobotSpec
 
 JUMPS = 10
@@ -19,7 +20,8 @@ SHARE = 0.1
 FAR = 100.0
 """No step may be off by more than so many limits."""
 
-NEEDED = (*ROWS, "foot_contact_force", "leg_contact")
+FINAL = tuple(f"final_state/{array.name}" for array in FINAL_STATE_ARRAYS if array.name in PHYSICS_LIMITS)
+NEEDED = tuple({*ROWS, *PHYSICS_LIMITS, *FINAL})
 
 
 def physics_findings(motion: StoredMotion, spec: RobotSpec) -> list[Finding] | None:
@@ -50,11 +52,13 @@ def trajectory_findings(
 ) -> Iterator[Finding]:
     """Yield the arrays of a trajectory that are not what steps from its rows give."""
     jumps = np.linalg.norm(np.diff(rows["root_linear_velocity"][:length], axis=0), axis=-1)
-    chosen = sorted({*range(0, length - 1, PHYSICS_STRIDE), *np.argsort(-np.nan_to_num(jumps))[:JUMPS].tolist()})
-    touches = np.nan_to_num(rows["leg_contact"]) > 0.0
-    chosen = [row for row in chosen if not touches[row : row + 2].any()]
+    jumpy = np.argsort(-np.nan_to_num(jumps))[:JUMPS].tolist()
+    chosen = sorted({*range(0, length - 1, PHYSICS_STRIDE), *jumpy, length - 1})
+    after = {name: rows[name][1:length] for name in PHYSICS_LIMITS}
+    for name in set(PHYSICS_LIMITS) & {array.name for array in FINAL_STATE_ARRAYS}:
+        after[name] = np.concatenate([after[name], rows[f"final_state/{name}"][None]])
     feet = foot_shapes(robot, spec)
-    off = np.array([step_errors(robot, rows, row, feet) for row in chosen]).reshape(-1, len(PHYSICS_LIMITS))
+    off = np.array([step_errors(robot, after, row, feet) for row in chosen]).reshape(-1, len(PHYSICS_LIMITS))
     for (name, (limit, unit)), errors in zip(PHYSICS_LIMITS.items(), off.T, strict=True):
         wrong = ~(errors <= limit)
         if len(errors) and (wrong.mean() > SHARE or not errors.max() <= FAR * limit):
@@ -66,16 +70,27 @@ def trajectory_findings(
             )  # fmt: skip
 
 
-def step_errors(robot: StoredRobot, rows: dict[str, NDArray[Any]], row: int, feet: list[int]) -> list[float]:
-    """Return how far the next row is from where a step from this one leads, in the order of ``PHYSICS_LIMITS``."""
+def step_errors(robot: StoredRobot, after: dict[str, NDArray[Any]], row: int, feet: list[int]) -> list[float]:
+    """Return how far the next row is from where a step from this one leads, in the order of ``PHYSICS_LIMITS``.
+
+    ``after`` has what follows each row, of the last one the final state alone.
+    """
     robot.place(row)
     robot.step(row)
-    data = robot.data
+    data, rotation = robot.data, np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
     found = {
         "joint_position": data.qpos[7:], "joint_velocity": data.qvel[6:], "root_linear_velocity": data.qvel[:3],
-        "joint_torque": robot.torque, "foot_contact_force": foot_forces(robot, feet),
+        "root_angular_velocity": rotation.reshape(3, 3) @ data.qvel[3:6],
+        "joint_torque": robot.torques[-1], "foot_contact_force": foot_forces(robot, feet),
+        "joint_torque_mean": robot.torques.mean(axis=0), "joint_torque_peak": np.abs(robot.torques).max(axis=0),
+        "joint_power_mean": robot.powers.mean(axis=0), "joint_power_peak": np.abs(robot.powers).max(axis=0),
+        "friction_anchor": robot.anchor,
     }  # fmt: skip
-    return [float(np.abs(found[name] - rows[name][row + 1]).max()) for name in PHYSICS_LIMITS]
+    return [
+        float(np.abs(found[name] - after[name][row]).max()) if row < len(after[name]) else 0.0
+        for name in PHYSICS_LIMITS
+    ]
 
 
 def foot_shapes(robot: StoredRobot, spec: RobotSpec) -> list[int]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block, Settings, is_rows
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.records import Finding
-from kine2go_warp.dataset.schema import reward_labels
+from kine2go_warp.dataset.schema import observation_labels, reward_labels
 from kine2go_warp.dataset.store import unpacked
 from kine2go_warp.robots import RobotSpec
 
@@ -143,7 +143,8 @@ def usable(motion: StoredMotion, spec: RobotSpec) -> list[str]:
 def motion_layout(motion: StoredMotion, spec: RobotSpec) -> Layout:
     """Return what a motion should hold; its attributes name the reward terms."""
     terms = motion.arrays.get("term")
-    return Layout.of(spec, reward_labels(motion.attributes, terms.shape[0] if terms is not None and terms.ndim else 0))
+    rewards = reward_labels(motion.attributes, terms.shape[0] if terms is not None and terms.ndim else 0)
+    return Layout.of(spec, rewards, observation_labels(motion.attributes))
 
 
 def common_size(motion: StoredMotion, layout: Layout, dimension: str) -> int:

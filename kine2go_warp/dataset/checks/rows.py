@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
-from kine2go_warp.dataset.checks.statistics import flat, median
-from kine2go_warp.dataset.schema import ROW_ARRAYS, TRAJECTORY_ARRAYS
+from kine2go_warp.dataset.checks.statistics import flat, largest, median
+from kine2go_warp.dataset.schema import OPTIONAL_ROW_ARRAYS, ROW_ARRAYS, TRAJECTORY_ARRAYS
 
 Array = NDArray[np.float64]
 Measure = Callable[[Block], Array]
@@ -45,7 +45,7 @@ def length_outside(block: Block) -> Array:
 
 def norm_error(name: str) -> Measure:
     """Return a measure of how far quaternions are from unit length."""
-    return lambda block: np.abs(np.linalg.norm(block[name], axis=-1) - 1.0)
+    return lambda block: largest(np.abs(np.linalg.norm(block[name], axis=-1) - 1.0), 2)
 
 
 def sign_flips(name: str) -> Measure:
@@ -53,7 +53,7 @@ def sign_flips(name: str) -> Measure:
 
     def measure(block: Block) -> Array:
         product = np.sum(block[name][:, 1:] * block[name][:, :-1], axis=-1)
-        return np.where(product < 0.0, 1.0, 0.0)
+        return largest(np.where(product < 0.0, 1.0, 0.0), 2)
 
     return measure
 
@@ -121,7 +121,7 @@ CHECKS = (
             "numbers only inside each trajectory's length", "values that are no finite numbers:",
             holes(array.name), 0.0,
         )
-        for array in (*ROW_ARRAYS, *TRAJECTORY_ARRAYS)
+        for array in (*ROW_ARRAYS, *OPTIONAL_ROW_ARRAYS, *TRAJECTORY_ARRAYS)
     ),
     *(
         RowCheck(
@@ -129,7 +129,7 @@ CHECKS = (
             "nothing but NaN beyond each trajectory's length", "values beyond the trajectory's length:",
             leftovers(array.name), 0.0,
         )
-        for array in ROW_ARRAYS
+        for array in (*ROW_ARRAYS, *OPTIONAL_ROW_ARRAYS)
     ),
     RowCheck(
         "length", "length", ("length",),

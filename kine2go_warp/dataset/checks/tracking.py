@@ -9,9 +9,10 @@ from kine2go_warp.dataset.checks.block import Block
 from kine2go_warp.dataset.checks.records import RowCheck
 from kine2go_warp.dataset.checks.rows import turns
 from kine2go_warp.dataset.checks.statistics import largest, median, root_mean_square
+from kine2go_warp.dataset.quality import QUALITY_NEEDS
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
-from kine2go_warp.metrics import foot_slip, root_angle, root_error, tracking_quality
-from kine2go_warp.robots.kinematics import contact_velocities, foot_positions
+from kine2go_warp.metrics import root_angle, root_error
+from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import heading, rotate_by_matrices, to_matrices, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
@@ -122,6 +123,21 @@ def pose_reward(block: Block, position_exponent: float, angle_exponent: float) -
     )
 
 
+def joint_velocity_reward(block: Block, exponent: float) -> Array:
+    """Return exp(-exponent * sum of squared joint velocity errors), shape [n, num_rows]."""
+    error = block["joint_velocity"] - block["reference_joint_velocity"]
+    return np.exp(-exponent * np.sum(error**2, axis=-1))
+
+
+def velocity_reward(block: Block, linear_exponent: float, angular_exponent: float) -> Array:
+    """Return exp(-linear_exponent * |v error|^2) + exp(-angular_exponent * |w error|^2), shape [n, num_rows]."""
+    linear, angular = (
+        np.sum((block[f"root_{kind}_velocity"] - block[f"reference_root_{kind}_velocity"]) ** 2, axis=-1)
+        for kind in ("linear", "angular")
+    )
+    return np.exp(-linear_exponent * linear) + np.exp(-angular_exponent * angular)
+
+
 def reward_error(kernel: str, expected: Callable[..., Array]) -> Measure:
     """Return a measure of how far a reward is from what the state and reference of the next row earn, in its scale."""
 
@@ -141,32 +157,23 @@ def quality_error(name: str) -> Measure:
     """Return a measure of how far a stored quality metric is from the rows' own, in parts of 1 + the metric."""
 
     def measure(block: Block) -> Array | None:
-        if name == "foot_slip":
-            metrics = {name: foot_slip(contact_velocities(block.spec, block.rows), block["foot_contact_force"])}
-        else:
-            metrics = tracking_quality(block.rows)
-        if name not in metrics:
+        expected = block.quality.get(name)
+        if expected is None:
             return None
-        return np.abs(block[f"quality/{name}"] - metrics[name]) / (1.0 + np.abs(metrics[name]))
+        return np.abs(block[f"quality/{name}"] - expected) / (1.0 + np.abs(expected))
 
     return measure
 
 
 JOINTS = ("joint_position", "reference_joint_position")
 ROOTS = ("root_position", "root_orientation", "reference_root_position", "reference_root_orientation")
-FEET = ("link_position", "reference_foot_position")
-SLIP = (
-    "root_orientation",
-    "root_angular_velocity",
-    "joint_position",
-    "joint_velocity",
-    "link_linear_velocity",
-    "foot_contact_force",
-)
+VELOCITIES = tuple(f"{whose}root_{kind}_velocity" for whose in ("", "reference_") for kind in ("linear", "angular"))
 REWARDS = (
     ("joint position", "track_joint_position", joint_reward, JOINTS),
     ("foot position", "track_foot_position", foot_reward, (*JOINTS, "root_orientation", "reference_root_orientation")),
     ("root pose", "track_root_pose", pose_reward, ROOTS),
+    ("joint velocity", "track_joint_velocity", joint_velocity_reward, ("joint_velocity", "reference_joint_velocity")),
+    ("root velocity", "track_root_velocity", velocity_reward, VELOCITIES),
 )
 """Reward terms that rows alone determine: name, kernel, what they earn before the weight, arrays."""
 
@@ -210,7 +217,7 @@ CHECKS = (
     *(
         RowCheck(
             "quality", f"quality/{array.name}",
-            (f"quality/{array.name}", *(SLIP if array.name == "foot_slip" else (*JOINTS, *ROOTS, *FEET))),
+            (f"quality/{array.name}", *QUALITY_NEEDS),
             "quality metrics are those of the rows", "not the metric of the rows: off", quality_error(array.name),
             1e-5,
         )

@@ -50,11 +50,15 @@ TERMINATIONS = (
 """The paper's conditions (appendix, hyperparameter table, "Termination") and the simulation's faults."""
 
 
+TRACKING = ("distance", "rotation")
+"""Terms that end episodes whose root has left the reference."""
+
+
 def with_limits(
     max_distance: float, max_angle: float, terms: tuple[TerminationTerm, ...] = TERMINATIONS
 ) -> tuple[TerminationTerm, ...]:
     """Return terms with limits of the root from its reference [m, rad], which are added where they are missing."""
     names = {term.name for term in terms}
-    terms += tuple(term for term in TERMINATIONS if term.name in ("distance", "rotation") and term.name not in names)
+    terms += tuple(term for term in TERMINATIONS if term.name in TRACKING and term.name not in names)
     terms = with_term(terms, "distance", max_distance=max_distance, enabled=True)
     return with_term(terms, "rotation", max_angle=max_angle, enabled=True)

@@ -26,6 +26,10 @@ PHYSICS_FAULTS = {
     "pushes forgotten": (no_pushes, "root_linear_velocity"),
     "larger torques": (scaled(*TORQUES, by=1.2), "joint_torque"),
     "smaller forces": (scaled(*FORCES, by=0.7), "foot_contact_force"),
+    "mean torques of zero": (scaled("joint_torque_mean", by=0.0), "joint_torque_mean"),
+    "half of the power": (scaled("joint_power_mean", "joint_power_peak", by=0.5), "joint_power_mean"),
+    "joints that stand still at last": (scaled("final_state/joint_velocity", by=0.0), "joint_velocity"),
+    "friction without a memory": (scaled("friction_anchor", by=0.99), "friction_anchor"),
     "a robot sunk into the ground": (sunk, "foot_contact_force"),
     "another state before the first row": (several(scaled("initial_state/target_queue", by=0.9)), "joint_torque"),
 }

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kine2go_warp.dataset.schema import ROW_ARRAYS
+from kine2go_warp.dataset.schema import OPTIONAL_ROW_ARRAYS, ROW_ARRAYS
 from tests.dataset.checks.spoiling import (
     ROW,
     SHORTER,
@@ -15,6 +15,7 @@ from tests.dataset.checks.spoiling import (
     group,
     jump_in_orientation,
     late,
+    left_out,
     push_along_the_floor,
     read,
     reference_of_another_heading,
@@ -24,6 +25,7 @@ from tests.dataset.checks.spoiling import (
     sunk,
     swapped_joints,
     the_noise_of_another,
+    three_late,
     values,
 )
 
@@ -31,6 +33,7 @@ AWAY = 0
 """A trajectory whose heading is far from 0, so that base frame and world differ much."""
 REFERENCE = ("reference_root_position", "reference_root_orientation", "reference_foot_position")
 COMMANDS = ("action", "action_mean", "joint_target")
+EVERY_ROW = (*(array.name for array in (*ROW_ARRAYS, *OPTIONAL_ROW_ARRAYS)), "length")
 JOINT_ARRAYS = tuple(array.name for array in ROW_ARRAYS if "joint" in array.dims)
 
 ROW_FAULTS = {
@@ -232,6 +235,48 @@ ROW_FAULTS = {
         sunk, "foot depth", "link_position", ("root_position", "link_position", "initial_state/joint_q"),
     ),
     "legs that always touch the ground": fault("leg_contact", lambda one: 0.0 * one + 1.0, "leg contact"),
+    "links turned the wrong way round": fault(
+        "link_orientation", lambda one: one * [1.0, -1.0, -1.0, -1.0], "link orientation",
+        diagnosis="link_orientation is inverted",
+    ),
+    "links that turn too fast": fault("link_angular_velocity", lambda one: 1.01 * one, "link turning"),
+    "reference velocities one row late": fault(
+        "reference_joint_velocity", late, "reference velocity", diagnosis="reference_joint_velocity is one row late"
+    ),
+    "rewards of the joint velocities alone off": fault(
+        "reward", lambda one: at((slice(None), 1), 0.5 * one[:, 1])(one), "joint velocity reward"
+    ),
+    "rewards of the root velocity alone off": fault(
+        "reward", lambda one: at((slice(None), 4), 0.5 * one[:, 4])(one), "root velocity reward"
+    ),
+    "observations one row late": fault("observation", late, "observation", diagnosis="observation is one row late"),
+    "an accepted rollout that ended early": fault("terminated", lambda _: 1, "terminated"),
+    "contacts where there is no force": fault("foot_contact", lambda one: 1.0 - one, "foot contact"),
+    "motors that are always at their limit": fault("torque_at_limit", lambda one: 0.0 * one + 1.0, "torque usage"),
+    "motors that use half of what they give": fault("torque_usage", lambda one: 0.5 * one, "torque usage"),
+    "mean forces on the wrong feet": fault("foot_contact_force_mean", lambda one: one[:, [1, 0, 3, 2]], "mean force"),
+    "peaks beyond the motors": fault("joint_torque_peak", lambda one: 4.0 * one, "torque limits"),
+    "a figure of jerk off": fault("quality/joint_jerk", lambda one: 1.1 * one, "quality"),
+    "another final orientation": fault(
+        "final_state/root_orientation", lambda one: one[[0, 3, 2, 1]], "final state"
+    ),
+    "a step too many": fault("initial_state/reference_step", lambda one: one + 1, "initial state"),
+    "feet of the forces swapped crosswise": fault(
+        "foot_contact_force", lambda one: one[:, [3, 2, 1, 0]], "foot contact", "foot_contact",
+        diagnosis="foot_contact_force has its feet swapped crosswise",
+    ),
+    "a row left out": Fault(
+        left_out, "even phase", "phase", EVERY_ROW, diagnosis="a row was left out of all arrays"
+    ),
+    "a latency of three substeps": Fault(
+        several(values("initial_state/delay", lambda _: 3), values("randomization/latency", lambda _: 3 / 240)),
+        "drawn parameters", "randomization/latency", ("initial_state/delay", "randomization/latency"),
+        diagnosis="randomization/latency and initial_state/delay are not the latency of the settings, 5 substeps",
+    ),
+    "commands three rows late": Fault(
+        several(*(values(name, three_late) for name in COMMANDS)), "motor law", "joint_torque", COMMANDS,
+        diagnosis="actions and targets are three rows late",
+    ),
     "trajectories swapped in one array": Fault(
         lambda path: group(path)["joint_position"].__setitem__(
             ..., read(path, "joint_position")[[0, 3, 2, 1, 4]]

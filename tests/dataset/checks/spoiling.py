@@ -80,6 +80,19 @@ def late(one):
     return np.concatenate([one[:1], one[:-1]])
 
 
+def three_late(one):
+    """Move rows three back."""
+    return np.concatenate([one[:1], one[:1], one[:1], one[:-3]])
+
+
+def left_out(path):
+    """Leave one row out of all arrays of a trajectory, which is a row shorter then."""
+    for name, array in by_trajectory(path):
+        if array.metadata.dimension_names[1:2] == ("frame",):
+            values(name, lambda one: np.r_[one[:ROW], one[ROW + 1 :], np.nan * one[-1:]])(path)
+    values("length", lambda one: one - 1)(path)
+
+
 def rotation(path, trajectory=TARGET):
     return Rotation.from_quat(read(path, "root_orientation")[trajectory][:, [1, 2, 3, 0]])
 

@@ -64,7 +64,7 @@ STORE_FAULTS = {
         attribute("control_frequency", 50.0), "attributes", None,
         others=("time", "start phase", "root linear velocity, overall", "joint position reward",
                 "foot position reward", "root pose reward", "initial state", "applied target", "motor law",
-                "mean force"),
+                "mean force", "reference velocity", "joint velocity reward", "root velocity reward", "quality"),
     ),
     "damaged file of reviews": Fault(lambda path: (path / "verdicts.json").write_text("{"), "reviews", None),
     "no gains": Fault(attribute("stiffness", None), "root attributes", None, others=("attributes",)),
@@ -74,7 +74,9 @@ STORE_FAULTS = {
     "another number accepted": Fault(attribute("accepted", 4, motion=True), "attributes", None, others=INDEX),
     "another name": Fault(attribute("motion", "cat_trot", motion=True), "attributes", None, others=INDEX),
     "no licence": Fault(attribute("licence", "", motion=True), "attributes", None, others=INDEX),
-    "limits that the rollouts break": Fault(stricter_limits, "acceptance", "joint_position", others=INDEX),
+    "limits that the rollouts break": Fault(
+        stricter_limits, "acceptance", "joint_position", others=(*INDEX, "quality")
+    ),
     "copied trajectory": Fault(copied_trajectory, "duplicates", None, others=("independent draws",)),
     "turned copy of a trajectory": Fault(
         turned_copy, "duplicates", None, others=("independent draws", "initial state")

@@ -1,0 +1,205 @@
+"""Files that hold one row a frame, of a robot's base and joints: JSON, pickles, tables and ``.npz``."""
+
+import io
+import json
+import pickle
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.motions.sources.tables import is_number, parse_numbers, read_bytes, read_lines, read_text
+
+Array = NDArray[np.float64]
+
+LARGEST_VALUE = 1e6
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of numbers, whatever file they were in."""
+
+    values: Array
+    """Shape [num_frames, num_columns]."""
+    columns: tuple[str, ...] = ()
+    """Names of the columns, where the file has them."""
+    rate: float | None = None
+    """Frames per second [Hz], where the file tells."""
+    legs: tuple[str, ...] = ()
+    """Order of the legs, where the file tells."""
+    robot: str = ""
+    """Whose joints they are, where the file tells."""
+
+    def take(self, wanted: tuple[str, ...], where: str) -> Array:
+        """Return columns, shape [num_frames, num_wanted].
+
+        Args:
+            wanted: Names, or ranges of numbers such as ``"7:19"``.
+            where: The file, for messages.
+
+        Raises:
+            ClipError: a column is not there.
+        """
+        chosen: list[int] = []
+        for one in wanted:
+            first, colon, last = one.partition(":")
+            if one in self.columns:
+                chosen.append(self.columns.index(one))
+            elif colon and first.isdigit() and last.isdigit() and int(last) <= self.values.shape[1]:
+                chosen += range(int(first), int(last))
+            else:
+                raise ClipError(f"{where}: has no column '{one}'")
+        return self.values[:, chosen]
+
+
+def read_frames(path: Path) -> Rows:
+    """Read JSON with ``Frames`` and ``FrameDuration``, as DeepMimic's heirs write it.
+
+    Raises:
+        ClipError: the file is missing, is something else, or is damaged.
+    """
+    try:
+        content = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise ClipError(f"{path}: not JSON ({error})") from None
+    if not isinstance(content, dict) or "Frames" not in content:
+        raise ClipError(f"{path}: JSON without 'Frames'")
+    duration = content.get("FrameDuration")
+    if not isinstance(duration, int | float) or not 1e-3 <= duration <= 1.0:
+        raise ClipError(f"{path}: FrameDuration is {duration!r:.40}; 0.001 to 1 s can be used")
+    legs = content.get("LegOrder", [])
+    return Rows(_matrix(content["Frames"], path), rate=1.0 / duration, legs=tuple(map(str, legs)))
+
+
+def read_pickle(path: Path) -> Rows:
+    """Read a pickled dictionary of ``frames`` and ``fps``, as MimicKit writes it, without running any code in it.
+
+    Raises:
+        ClipError: the file is missing, is something else, is damaged, or asks for more than numbers and lists.
+    """
+    try:
+        content = _Plain(io.BytesIO(read_bytes(path))).load()
+    except ClipError as error:
+        raise ClipError(f"{path}: {error}") from None
+    except Exception as error:  # noqa: BLE001 - damaged pickles raise errors of many kinds
+        raise ClipError(f"{path}: not a pickle that can be read safely ({error.__class__.__name__})") from None
+    if not isinstance(content, dict) or "frames" not in content:
+        raise ClipError(f"{path}: a pickle without 'frames'")
+    rate = content.get("fps")
+    if not isinstance(rate, int | float) or not 1.0 <= rate <= 1000.0:
+        raise ClipError(f"{path}: fps is {rate!r:.40}; 1 to 1000 Hz can be used")
+    return Rows(_matrix(content["frames"], path), rate=float(rate))
+
+
+class _Plain(pickle.Unpickler):
+    """Builds lists, dictionaries, texts and numbers, and NumPy's arrays of numbers; everything else is an attack."""
+
+    ALLOWED: ClassVar[dict[tuple[str, str], Any]] = {
+        ("numpy", "dtype"): np.dtype,
+        ("numpy", "ndarray"): np.ndarray,
+        **{(f"numpy.{core}.multiarray", "_reconstruct"): None for core in ("core", "_core")},
+        **{(f"numpy.{core}.multiarray", "scalar"): None for core in ("core", "_core")},
+    }
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return one of the few things that arrays of numbers are made with."""
+        if (module, name) not in self.ALLOWED:
+            raise ClipError(f"asks for {module}.{name}, which a file of numbers does not need; it was not run")
+        return self.ALLOWED[module, name] or super().find_class(module, name)
+
+    def persistent_load(self, pid: Any) -> Any:
+        """Refuse what lies outside of the file."""
+        raise ClipError(f"refers to an object outside ({pid!r:.40})")
+
+
+def read_table(path: Path) -> Rows:
+    """Read comma-separated numbers below a line of names.
+
+    Raises:
+        ClipError: the file is missing, or a line has another width or holds something that is not a number.
+    """
+    lines = read_lines(path)
+    columns = tuple(name.strip().strip('"') for name in lines[0].split(","))
+    if len(set(columns)) < len(columns) or all(is_number(name) for name in columns):
+        raise ClipError(f"{path}, line 1: expected names of columns, each of them once")
+    values = parse_numbers(path, lines[1:], len(columns), LARGEST_VALUE, 2, columns)
+    return Rows(values, columns)
+
+
+def read_arrays(path: Path) -> Rows:
+    """Read an ``.npz`` with ``root_position``, ``root_orientation`` (w, x, y, z) and ``joint_position``.
+
+    A clip of ours is one, and so is each file of ``kine2go dataset export --format npz``. The rate is that of a clip's
+    header, or of an array ``time`` [s].
+
+    Raises:
+        ClipError: the file is missing, is something else, or is damaged.
+    """
+    names = ("root_position", "root_orientation", "joint_position")
+    try:
+        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as data:
+            missing = [name for name in names if name not in data]
+            if missing:
+                raise ClipError(f"{path}: lacks {', '.join(missing)}")
+            arrays = [np.asarray(data[name], np.float64) for name in names]
+            header = json.loads(str(data["header"])) if "header" in data else {}
+            rate = _rate(data, header, path)
+    except ClipError:
+        raise
+    except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
+        raise ClipError(f"{path}: not an .npz of numbers ({error.__class__.__name__})") from None
+    widths = [array.shape[1] if array.ndim == 2 else 0 for array in arrays]
+    if widths != [3, 4, 12] or len({len(array) for array in arrays}) > 1:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=True))
+        raise ClipError(f"{path}: {shapes}; expected (frames, 3), (frames, 4), (frames, 12)")
+    return Rows(_checked(np.concatenate(arrays, axis=1), path), rate=rate, robot=str(header.get("robot", "")))
+
+
+def _rate(data: Any, header: dict[str, Any], path: Path) -> float:
+    """Return the frame rate of an ``.npz`` [Hz]."""
+    if "time" in data and len(data["time"]) >= MINIMUM_FRAMES:
+        time = np.asarray(data["time"], np.float64)
+        return _checked_rate((len(time) - 1) / float(time[-1] - time[0]), path)
+    if "frame_duration" in header:
+        return _checked_rate(1.0 / float(header["frame_duration"]), path)
+    raise ClipError(f"{path}: tells no rate; it needs an array 'time' [s]")
+
+
+def _checked_rate(rate: float, path: Path) -> float:
+    """Return a rate that a motion can have."""
+    if not 1.0 <= rate <= 1000.0:
+        raise ClipError(f"{path}: a rate of {rate:g} Hz; 1 to 1000 Hz can be used")
+    return rate
+
+
+def _matrix(frames: Any, path: Path) -> Array:
+    """Return frames as rows of numbers; the message names the first one that differs."""
+    if isinstance(frames, np.ndarray):
+        frames = frames.tolist()
+    if not isinstance(frames, list) or len(frames) < MINIMUM_FRAMES:
+        raise ClipError(f"{path}: no list of at least {MINIMUM_FRAMES} frames")
+    width = len(frames[0]) if isinstance(frames[0], list | tuple | np.ndarray) else 0
+    rows = np.empty((len(frames), width))
+    for index, frame in enumerate(frames):
+        if not isinstance(frame, list | tuple | np.ndarray) or len(frame) != width or width == 0:
+            raise ClipError(f"{path}, frame {index}: not the {width} numbers that frame 0 has")
+        try:
+            rows[index] = frame
+        except (TypeError, ValueError):
+            raise ClipError(f"{path}, frame {index}: holds something that is not a number") from None
+    return _checked(rows, path)
+
+
+def _checked(rows: Array, path: Path) -> Array:
+    """Return rows whose values are finite and of a size that lengths and angles have."""
+    wrong = ~(np.abs(rows) <= LARGEST_VALUE)
+    if wrong.any():
+        frame, column = np.argwhere(wrong)[0]
+        raise ClipError(f"{path}, frame {frame}: column {column} is not finite or exceeds {LARGEST_VALUE:g}")
+    if len(rows) < MINIMUM_FRAMES:
+        raise ClipError(f"{path}: {len(rows)} frame(s); a motion needs at least {MINIMUM_FRAMES}")
+    return rows

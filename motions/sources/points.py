@@ -1,0 +1,224 @@
+"""Motions of named points: joints of a BVH skeleton, markers of a C3D file, columns of a table, arrays."""
+
+import io
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.errors import ClipError
+from kine2go_warp.extras import named_extras
+from kine2go_warp.motions.examination import UNITS
+from kine2go_warp.motions.keypoints import KEYPOINTS, MINIMUM_FRAMES, KeypointMotion
+from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.motions.sources.bvh import read_bvh
+from kine2go_warp.motions.sources.dialects import PointsDialect
+from kine2go_warp.motions.sources.joint_files import read_table
+from kine2go_warp.motions.sources.tables import read_bytes
+
+Array = NDArray[np.float64]
+
+LARGEST_COORDINATE = 1e6
+AXES = {
+    "x": ((1, 1.0), (2, 1.0), (0, 1.0)),
+    "-x": ((1, 1.0), (2, -1.0), (0, -1.0)),
+    "y": ((0, 1.0), (2, -1.0), (1, 1.0)),
+    "-y": ((0, 1.0), (2, 1.0), (1, -1.0)),
+    "z": ((0, 1.0), (1, 1.0), (2, 1.0)),
+    "-z": ((0, 1.0), (1, -1.0), (2, -1.0)),
+}
+"""Where our x, y and z come from, by the file's axis that points up: the number of its axis, and the sign."""
+UNEVEN = 0.2
+"""Time stamps may be off an even grid by this share of a frame: they are often rounded."""
+
+
+@dataclass(frozen=True)
+class NamedPoints:
+    """Points of a file by name, in its axes and unit."""
+
+    points: Mapping[str, Array]
+    """Each of shape [num_frames, 3]; NaN where a point was not seen."""
+    rate: float | None
+    """Frames per second [Hz], where the file tells."""
+    unit: str = ""
+    """Where the file tells."""
+
+
+@dataclass(frozen=True)
+class PointSource(MotionSource):
+    """Reads files of one dialect."""
+
+    name: str
+    dialect: PointsDialect
+    scale: float
+    root_drop: float
+    forward_lift: float
+    foot_outward: float
+    unit: str
+
+    def takes(self, names: Collection[str]) -> bool:
+        """Return whether a file with points, or columns, of these names is likely one of this dialect."""
+        wanted = {part.strip() for one in self.dialect.points.values() for part in one.split("+")}
+        if self.dialect.format == "table":
+            wanted = {self.dialect.columns.format(point=point, axis=axis) for point in wanted for axis in "xyz"}
+        return wanted <= set(names)
+
+    def read(self, path: Path) -> KeypointMotion:
+        """Read a whole file; see ``MotionSource.read``."""
+        dialect = self.dialect
+        found = read_points(path, dialect)
+        position = np.stack([one_point(found.points, dialect.points[name], path) for name in KEYPOINTS], axis=1)
+        if len(position) < MINIMUM_FRAMES:
+            raise ClipError(f"{path}: {len(position)} frame(s); a motion needs at least {MINIMUM_FRAMES}")
+        rate = found.rate or dialect.rate
+        if rate == 0.0:
+            raise ClipError(f"{path}: tells no rate; state it in the table of the source, as in rate = 60")
+        upright = with_z_up(UNITS[dialect.unit] * position, dialect.up, dialect.left_handed)
+        return KeypointMotion(np.arange(len(position)) / rate, upright)
+
+
+def read_points(path: Path, dialect: PointsDialect) -> NamedPoints:
+    """Return all points of a file.
+
+    Raises:
+        ClipError: the file is missing, is something else, or is damaged.
+    """
+    if dialect.format == "bvh":
+        bvh = read_bvh(path)
+        return NamedPoints(bvh.positions(), bvh.rate)
+    if dialect.format == "c3d":
+        return read_c3d(path)
+    return read_columns(path, dialect) if dialect.format == "table" else read_point_arrays(path, dialect.time)
+
+
+def one_point(points: Mapping[str, Array], wanted: str, path: Path) -> Array:
+    """Return a point, or the middle of two that are written as ``A + B``, shape [num_frames, 3]."""
+    parts = []
+    for name in (part.strip() for part in wanted.split("+")):
+        if name not in points:
+            near = ", ".join(sorted(points)[:40])
+            raise ClipError(f"{path}: has no point '{name}'; it has: {near}")
+        parts.append(points[name])
+    return np.mean(parts, axis=0)
+
+
+def with_z_up(points: Array, up: str, left_handed: bool) -> Array:
+    """Return points in right-handed axes with z up.
+
+    Args:
+        points: Shape [..., 3].
+        up: The file's axis that points up, such as ``y`` or ``-z``.
+        left_handed: Whether the file's third axis points the other way.
+    """
+    points = points * [1.0, 1.0, -1.0] if left_handed else points
+    return np.stack([sign * points[..., axis] for axis, sign in AXES[up]], axis=-1)
+
+
+def read_c3d(path: Path) -> NamedPoints:
+    """Read the markers of a C3D file.
+
+    Raises:
+        ClipError: the file is missing, or is no C3D file that can be read.
+    """
+    read_bytes(path)
+    with named_extras():
+        import ezc3d
+    try:
+        content = ezc3d.c3d(str(path))
+        header = content["parameters"]["POINT"]
+        labels = [str(label).strip() for label in header["LABELS"]["value"]]
+        rate = float(header["RATE"]["value"][0])
+        points = np.asarray(content["data"]["points"], np.float64)[:3, : len(labels)]
+        unit = str(next(iter(header.get("UNITS", {}).get("value", [])), ""))
+    except Exception as error:  # noqa: BLE001 - damaged files raise errors of many kinds
+        raise ClipError(f"{path}: not a C3D file that can be read ({error.__class__.__name__})") from None
+    if not 1.0 <= rate <= 1000.0:
+        raise ClipError(f"{path}: a rate of {rate:g} Hz; 1 to 1000 Hz can be used")
+    return NamedPoints({label: points[:, index].T for index, label in enumerate(labels)}, rate, unit)
+
+
+def read_columns(path: Path, dialect: PointsDialect) -> NamedPoints:
+    """Read a CSV or Parquet file with three columns for each point.
+
+    Raises:
+        ClipError: the file is missing or damaged, or a column is not there.
+    """
+    columns = read_parquet(path) if path.suffix == ".parquet" else table_columns(path)
+    points = {}
+    for name in {part.strip() for names in dialect.points.values() for part in names.split("+")}:
+        wanted = [dialect.columns.format(point=name, axis=axis) for axis in "xyz"]
+        missing = [column for column in wanted if column not in columns]
+        if missing:
+            raise ClipError(f"{path}: has no column '{missing[0]}'; it has: {', '.join(list(columns)[:40])}")
+        points[name] = np.stack([columns[column] for column in wanted], axis=-1)
+    if dialect.time and dialect.time not in columns:
+        raise ClipError(f"{path}: has no column '{dialect.time}' of time stamps")
+    return NamedPoints(points, rate_of(columns[dialect.time], path) if dialect.time else None)
+
+
+def table_columns(path: Path) -> dict[str, Array]:
+    """Return the columns of a CSV file by name."""
+    rows = read_table(path)
+    return dict(zip(rows.columns, rows.values.T, strict=True))
+
+
+def read_parquet(path: Path) -> dict[str, Array]:
+    """Return the columns of numbers of a Parquet file by name.
+
+    Raises:
+        ClipError: the file is missing, or is no Parquet file.
+    """
+    content = read_bytes(path)
+    with named_extras():
+        import pyarrow
+        import pyarrow.parquet
+    try:
+        table = pyarrow.parquet.read_table(io.BytesIO(content))
+    except (pyarrow.ArrowException, OSError) as error:
+        raise ClipError(f"{path}: not a Parquet file ({str(error).splitlines()[0][:80]})") from None
+    numeric = [
+        field.name
+        for field in table.schema
+        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
+    ]
+    return {name: table[name].to_numpy().astype(np.float64) for name in numeric}
+
+
+def read_point_arrays(path: Path, time: str) -> NamedPoints:
+    """Read an ``.npz`` with an array of shape [num_frames, 3] for each point.
+
+    Raises:
+        ClipError: the file is missing, is something else, or an array has another shape.
+    """
+    try:
+        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as data:
+            arrays = {name: np.asarray(data[name], np.float64) for name in data if data[name].dtype.kind in "fiu"}
+    except ClipError:
+        raise
+    except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
+        raise ClipError(f"{path}: not an .npz of numbers ({error.__class__.__name__})") from None
+    points = {name: array for name, array in arrays.items() if array.ndim == 2 and array.shape[1] == 3}
+    if len({len(array) for array in points.values()}) > 1:
+        raise ClipError(f"{path}: its points have different numbers of frames")
+    if time and time not in arrays:
+        raise ClipError(f"{path}: has no array '{time}' of time stamps")
+    return NamedPoints(points, rate_of(arrays[time], path) if time else None)
+
+
+def rate_of(time: Array, path: Path) -> float:
+    """Return the rate of time stamps [Hz].
+
+    Raises:
+        ClipError: they are not even.
+    """
+    if time.ndim != 1 or len(time) < MINIMUM_FRAMES or not np.isfinite(time).all() or time[-1] <= time[0]:
+        raise ClipError(f"{path}: its time stamps do not rise")
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    off = np.abs(time - time[0] - step * np.arange(len(time))).max() / step
+    if off > UNEVEN:
+        raise ClipError(f"{path}: time stamps are off an even grid by {off:.2f} frames; resample the file")
+    if not 1.0 <= 1.0 / step <= 1000.0:
+        raise ClipError(f"{path}: a rate of {1.0 / step:g} Hz; 1 to 1000 Hz can be used (are the stamps in seconds?)")
+    return float(1.0 / step)
