@@ -12,9 +12,10 @@ from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.checks.run import check_dataset
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.terms.base import find_term
+from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.config import GatherConfig
+from kine2go_warp.rollouts.config import MILD, GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from tests.conftest import ANYTHING_GOES
 from tests.dataset.helpers import files_of
@@ -116,6 +117,27 @@ def test_rollouts_that_leave_the_reference_go_on_until_they_fall(leaving):
         else:
             assert (longer.length, longer.values["reason"]) == (one.length, one.values["reason"])
     assert {whole[seed].values["reason"] for seed in left} & {"distance", "rotation"}
+
+
+def test_falls_end_rollouts_that_have_left_the_reference_and_are_told_from_those_that_stand(policy, tmp_path):
+    drawn = randomized(MILD, push_interval=(0.2, 0.5), push_speed=(0.0, 4.0))
+    config = replace(
+        EVERYTHING, trajectories=24, num_worlds=24, max_attempts=1.0, rows=60, max_distance=0.8, min_acceptance=0.0,
+        until_fall=True, randomization=drawn,
+    )  # fmt: skip
+    gather(policy, DatasetWriter(tmp_path / "dataset.zarr", GO2), config, "cpu")
+    fallen, gone = [], []
+    for one in open_dataset(tmp_path / "dataset.zarr", include_rejected=True).trajectories():
+        left = np.linalg.norm(one.arrays["root_position"] - one.arrays["reference_root_position"], axis=-1) > 0.8
+        has_fallen = one.values["reason"] == "body_contact"
+        assert one.values["terminated"] == has_fallen
+        assert np.isnan(one.values["final_state/joint_position"]).all() == has_fallen
+        assert has_fallen or one.length == config.rows
+        assert one.values["reason"] or not left.any(), "none that left is accepted"
+        fallen += [one.index] * (has_fallen and bool(left[:-1].any()))
+        gone += [one.index] * (not has_fallen and bool(left.any()))
+    assert fallen, "some go on after they have left the reference, until they fall"
+    assert gone, "some leave it and do not fall"
 
 
 def test_max_attempts_ends_the_batches_and_what_was_accepted_is_kept(policy, everything, strict, tmp_path):
