@@ -11,6 +11,10 @@ from kine2go_warp.errors import Kine2GoError
 LEAST_WORLDS = 32
 """Fewer worlds are not worth a process."""
 
+CACHE_HINT = (
+    "Warp keeps compiled kernels here and cannot write; name another folder in the environment variable WARP_CACHE_PATH"
+)
+
 
 def choose_device(name: str | None) -> str:
     """Return the device to use: the one named, or CUDA where there is one, else the CPU.
@@ -64,12 +68,22 @@ def compilation_notice(on_note: Callable[[str], None] = print_note, after: float
 
 
 def start_warp() -> None:
-    """Start Warp without its messages, since the command line reports what matters itself."""
+    """Start Warp without its messages, since the command line reports what matters itself.
+
+    Raises:
+        Kine2GoError: its kernel cache cannot be written.
+    """
     import warp as wp
 
     wp.config.log_level = wp.LOG_ERROR
-    with silent_standard_error():
-        wp.init()
+    try:
+        with silent_standard_error():
+            wp.init()
+    except OSError as error:
+        raise Kine2GoError(f"{error.filename}: {CACHE_HINT}") from None
+    folder = str(wp.config.kernel_cache_dir)
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise Kine2GoError(f"{folder}: {CACHE_HINT}")
 
 
 @contextlib.contextmanager

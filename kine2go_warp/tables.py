@@ -23,7 +23,9 @@ class Cell:
     code: bool = False
     """Whether it is a name of the software's, such as a motion's."""
     style: str = ""
-    """Colour in a terminal."""
+    """Colour in a terminal, or a class of the page's style."""
+    bar: float | None = None
+    """Share from 0 to 1 that a page draws as a bar."""
 
     @property
     def is_number(self) -> bool:

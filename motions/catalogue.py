@@ -93,6 +93,12 @@ class CatalogueEntry:
             return False
         return self.motion_source.data_file(self.path(data_folder)).is_file()
 
+    def file_remarks(self, sha256: str) -> tuple[str, ...]:
+        """Return what is to be said of a file by its checksum: whether it is another one than the catalogue means."""
+        if not self.sha256 or sha256 == self.sha256:
+            return ()
+        return (f"{self.file} is not the catalogue's file (its checksum differs)",)
+
     def origin(self, path: Path, start: int, end: int, rate: float) -> ClipOrigin:
         """Return the record of where a clip comes from."""
         digest = sha256_of(self.motion_source.data_file(path))

@@ -150,9 +150,7 @@ class Introduction:
 
     def toml(self, name: str) -> str:
         """Return a catalogue with this motion, to be edited."""
-        lines = [
-            f"# {self.path.name}, as 'kine2go motion new' takes it. Fill in licence and citation; correct the rest."
-        ]
+        lines = [f"# {self.path.name} as 'kine2go motion new' takes it: fill in the licence, correct the rest."]
         if self.is_new and isinstance(self.source, PointSource):
             lines += ["", *source_table(self.source.name, self.source.dialect)]
         start, end = (0, -1) if self.cycle is None else (self.cycle.start, self.cycle.end)
@@ -235,20 +233,16 @@ def guessed_source(path: Path, rate: float) -> PointSource:
     kind = cast("PointFormat", "table" if format_ == "parquet" else format_)
     time = next((name for name in names if name.lower() in ("time", "t", "timestamp")), "")
     first = PointsDialect(kind, points, 1.0, 0.0, 0.0, 0.0, columns=columns, time=time, rate=rate)
-    return measured_source(path, name_of(path).lower(), first)
+    name = name_of(path).lower()
+    return measured_source(path, f"my_{name}" if name in SOURCES else name, first)
 
 
 def column_pattern(names: list[str]) -> tuple[str, list[str]]:
     """Return how the columns of a table are named, and the points that they are of."""
-    for pattern, ending in (
-        ("{point}_{axis}", "_x"),
-        ("{point}.{axis}", ".x"),
-        ("{point}{axis}", "x"),
-        ("{point} {axis}", " x"),
-    ):
-        points = [name[: -len(ending)] for name in names if name.endswith(ending)]
+    for between in ("_", ".", " ", ""):
+        points = [name.removesuffix(f"{between}x") for name in names if name.endswith(f"{between}x")]
         if len(points) >= len(KEYPOINTS) - 2:
-            return pattern, points
+            return f"{{point}}{between}{{axis}}", points
     return "{point}_{axis}", []
 
 

@@ -124,7 +124,8 @@ def retarget(
     clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
     score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
-    remarks = motion.remarks + reach_remarks(clip.foot_position[..., 2] - solver.spec.foot_radius)
+    heights = clip.foot_position[..., 2] - solver.spec.foot_radius
+    remarks = motion.remarks + entry.file_remarks(origin.sha256) + reach_remarks(heights)
     return Retargeted(clip, float(steps.sum()), score, moved, remarks)
 
 

@@ -59,15 +59,10 @@ class ProgressNote:
     """When the stage began [s since 1970]; shown to people only."""
     seconds: float
     """Time since then, by a clock that nobody sets [s]."""
+    seconds_left: float | None = None
+    """Estimate of the time to the end of the stage [s], none where nothing is known."""
     metrics: dict[str, float] = field(default_factory=dict)
     """Such as ``reward`` or ``accepted``."""
-
-    @property
-    def seconds_left(self) -> float | None:
-        """Estimate of the time to the end of the stage [s], none where nothing is known."""
-        if not 0 < self.done <= self.total:
-            return None
-        return self.seconds * (self.total - self.done) / self.done
 
 
 class Monitor:
@@ -83,19 +78,31 @@ class Monitor:
         self._stage = stage
         self._began, self._began_wall = time.monotonic(), time.time()
         self._last = float("-inf")
-        self._first_done: int | None = None
+        self._first: tuple[float, int] | None = None
+        """When the first steps were done, and how many. Before, kernels are compiled and steps of an earlier run are
+        counted, so that the speed from there on is that of the rest."""
         self.advanced(0, 0, "")
 
     def advanced(self, done: int, total: int, detail: str, **metrics: float) -> None:
         """Note how far the stage is; only now and then, and at the end, is it written."""
         now = time.monotonic()
+        if done > 0 and self._first is None:
+            self._first = (now, done)
         if done != total and now - self._last < PROGRESS_INTERVAL:
             return
         self._last = now
         metrics = {name: value for name, value in metrics.items() if math.isfinite(value)}
-        note = ProgressNote(self._stage, done, total, detail, self._began_wall, now - self._began, metrics)
+        left = self._seconds_left(now, done, total)
+        note = ProgressNote(self._stage, done, total, detail, self._began_wall, now - self._began, left, metrics)
         with atomic_file(self._file) as temporary:
             temporary.write_text(json.dumps(asdict(note)))
+
+    def _seconds_left(self, now: float, done: int, total: int) -> float | None:
+        """Return how long the rest takes at the speed since the first step [s], none where that is not known."""
+        if self._first is None or done <= self._first[1] or done > total:
+            return None
+        began, before = self._first
+        return (now - began) * (total - done) / (done - before)
 
     def note(self, text: str) -> None:
         """Write a line into the log of the motion."""

@@ -13,7 +13,7 @@ from kine2go_warp.learning.presets import FAST, Preset, base_preset
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 from kine2go_warp.rollouts.config import GatherConfig
-from kine2go_warp.settings import from_dictionary, set_at
+from kine2go_warp.settings import check_ranges, from_dictionary, set_at
 from kine2go_warp.toml import place_in, read_toml
 
 RECIPE_FOLDER = Path(__file__).parent
@@ -33,6 +33,14 @@ class RecordConfig:
 
     trajectories: int = 3
     """Trajectories shown in each motion's recording; 0 writes none."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            Kine2GoError: a value is outside.
+        """
+        check_ranges(self, trajectories=(0, 10_000))
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,8 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     bundled = RECIPE_FOLDER / f"{path}.toml"
     if not path.is_file() and path.parent == Path() and bundled.is_file():
         path = bundled
+    if path.is_dir():
+        raise RecipeError(f"{path}: a folder, not a recipe; name a TOML file in it")
     if not path.exists():
         known = ", ".join(sorted(recipe.stem for recipe in RECIPE_FOLDER.glob("*.toml")))
         raise RecipeError(f"{path}: no such recipe; bundled ones are: {known}")

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 import pytest
 import tyro
 
-from kine2go_warp.cli.train_command import REGISTRY
+from kine2go_warp.cli.options import REGISTRY
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.settings import Named, check_ranges, from_dictionary, override, to_dictionary
 

@@ -15,6 +15,8 @@ class Ablate:
     """Train with a few settings changed at a time, over clips and seeds, and print how well each policy tracks.
 
     Ctrl-C stops after the iteration; the same command continues. 'tensorboard --logdir OUT' shows the learning curves.
+
+    Example: kine2go policy ablate runs/clips/dog_trot.npz --seeds 3
     """
 
     clips: ClipPaths
@@ -36,8 +38,8 @@ class Ablate:
         """Train and evaluate what is missing, and print a table in Markdown for each clip."""
         from kine2go_warp.cli.commands import limit_threads
         from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.device import choose_device
-        from kine2go_warp.evaluation.ablation import ablation_table, load_variants, run_trial, trials
+        from kine2go_warp.device import choose_device, choose_processes
+        from kine2go_warp.evaluation.ablation import RESULT_FILE, ablation_table, load_variants, run_trial, trials
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.motions.clip import MotionClip
 
@@ -46,8 +48,9 @@ class Ablate:
             raise Kine2GoError("name at least one clip; 'kine2go motion retarget' makes them")
         clips = [MotionClip.load(path) for path in self.clips]
         if not self.table:
-            limit_threads()
             device = choose_device(self.device)
+            choose_processes(self.processes, 1, device)
+            limit_threads()
             message = "stopping after this iteration, with a checkpoint; once more stops at once"
             with StopRequest(message) as stop, Progress() as progress:
                 for trial in trials(clips, variants, self.config, self.out):
@@ -63,6 +66,8 @@ class Ablate:
                         should_stop=stop,
                         on_note=progress.note,
                     )
+        elif not any(self.out.glob(f"*/*/seed-*/{RESULT_FILE}")):
+            raise Kine2GoError(f"{self.out}: no results of an ablation here; leave out --table to make them")
         for clip in clips:
             print(ablation_table(clip.name, variants, self.out))
         return 0

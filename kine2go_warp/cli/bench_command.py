@@ -19,7 +19,10 @@ Stage = Literal["env", "train", "retarget", "gather", "load"]
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure how fast stages are on this machine."""
+    """Measure how fast stages are on this machine.
+
+    Example: kine2go bench retarget
+    """
 
     stages: tyro.conf.Positional[tuple[Stage, ...]]
     """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all
@@ -55,6 +58,8 @@ class Bench:
             raise Kine2GoError("name at least one of env, train, retarget, gather, load")
         if min(self.repeats, self.steps, self.processes, self.rows) < 1:
             raise Kine2GoError("repeats, steps, processes and rows must be at least 1")
+        if self.num_worlds is not None and self.num_worlds < 1:
+            raise Kine2GoError(f"num-worlds is {self.num_worlds}; it must be at least 1")
         reports = [self._measure(stage) for stage in self.stages]
         if self.json:
             console().print_json(json.dumps([report.as_record() for report in reports]))

@@ -26,6 +26,8 @@ class Check:
     """Check a dataset: arrays, labels, units and attributes, and whether states, actions and rewards fit together.
 
     Exit status: 0 if nothing is wrong, 1 if something is, 2 if there is no dataset that could be checked.
+
+    Example: kine2go dataset check runs/demo/dataset.zarr --physics
     """
 
     dataset: DatasetPath

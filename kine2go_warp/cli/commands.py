@@ -18,7 +18,10 @@ def limit_threads() -> None:
 
 @dataclass(frozen=True)
 class Gather:
-    """Roll a policy out many times and add the good rollouts to a dataset."""
+    """Roll a policy out many times and add the good rollouts to a dataset.
+
+    Example: kine2go dataset gather runs/policies/dog_trot --trajectories 50
+    """
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""
@@ -57,16 +60,25 @@ class Gather:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Show versions, devices and which motions can be used here."""
+    """Show versions, devices and which motions can be used here, and whether this machine is ready.
+
+    Exit status: 0 if it is, 1 if something is missing.
+
+    Example: kine2go doctor --data clips
+    """
 
     data: DataFolder = None
     catalogue: CatalogueFile = None
 
     def run(self) -> int:
         """Print what is found."""
-        from kine2go_warp.cli.tables import print_machine, print_motions
+        from kine2go_warp.cli.tables import print_machine, print_usable, say
         from kine2go_warp.motions.catalogue import load_catalogue
 
-        print_machine()
-        print_motions(list(load_catalogue(self.catalogue).values()), data_folder(self.data))
-        return 0
+        entries, folder = list(load_catalogue(self.catalogue).values()), data_folder(self.data)
+        problems = print_machine()
+        print_usable(entries, folder)
+        for problem in problems:
+            say(f"wrong: {problem}")
+        say("verdict: not ready" if problems else "verdict: ready; 'kine2go demo' tries everything")
+        return 1 if problems else 0

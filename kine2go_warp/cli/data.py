@@ -2,26 +2,34 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from kine2go_warp.errors import CatalogueError
+
+if TYPE_CHECKING:
+    from kine2go_warp.dataset.motion import Motion
 
 DATA_VARIABLE = "KINE2GO_DATA"
 
 DatasetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET")]
 PolicyPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
 ClipPaths = Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="CLIP [CLIP ...]")]
-Device = Annotated[str | None, tyro.conf.arg(help="cpu or cuda; by default cuda where there is one.")]
+Device = Annotated[
+    str | None, tyro.conf.arg(metavar="{cpu,cuda}", help="Where to simulate; by default cuda where there is one.")
+]
 DataFolder = Annotated[
     Path | None,
-    tyro.conf.arg(help="Folder of the source clips; by default the environment variable KINE2GO_DATA."),
+    tyro.conf.arg(
+        metavar="FOLDER", help="Folder of the source clips; by default the environment variable KINE2GO_DATA."
+    ),
 ]
-Robot = Annotated[str, tyro.conf.arg(help="Name of the robot, or FILE.py:NAME for one of your own.")]
+Robot = Annotated[str, tyro.conf.arg(metavar="ROBOT", help="Name of the robot, or FILE.py:NAME for one of your own.")]
 CatalogueFile = Annotated[
-    Path | None, tyro.conf.arg(help="TOML file with motions of your own, in the form of the catalogue.")
+    Path | None, tyro.conf.arg(metavar="FILE", help="TOML file with motions of your own, in the form of the catalogue.")
 ]
+TargetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET|CLIP")]
 RecipePath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECIPE")]
 MotionNames = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[MOTION ...]")]
 
@@ -36,3 +44,13 @@ def data_folder(given: Path | None) -> Path | None:
     if folder is not None and not folder.is_dir():
         raise CatalogueError(f"{folder}: no such folder of source clips")
     return folder
+
+
+def check_data(motion: "Motion") -> None:
+    """Check that the arrays of a motion are there, by its first trajectory, before long work begins.
+
+    Raises:
+        DatasetError: an array cannot be read, or data are missing.
+    """
+    for _ in motion.read([one for one in motion.references() if one.length > 0][:1], None):
+        pass

@@ -25,7 +25,10 @@ HEADLINES = (
 
 @dataclass(frozen=True)
 class Eval:
-    """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes."""
+    """Evaluate a policy over all phases: with and without noise on its actions, randomisation and pushes.
+
+    Example: kine2go policy eval runs/policies/dog_trot --worlds 64
+    """
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""
@@ -43,6 +46,7 @@ class Eval:
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+        policy.latest_checkpoint()
 
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.device import choose_device

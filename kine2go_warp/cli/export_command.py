@@ -2,19 +2,25 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 
 @dataclass(frozen=True)
 class Export:
-    """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card."""
+    """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card.
+
+    Example: kine2go dataset export runs/demo/dataset.zarr --format npz --out runs/npz
+    """
 
     dataset: DatasetPath
     """The dataset (.zarr)."""
     motions: MotionNames = ()
     """Names of motions; by default all."""
-    format: str = "lerobot"
+    format: Annotated[str, tyro.conf.arg(metavar="{lerobot,npz}")] = "lerobot"
     """lerobot (dataset v3.0) or npz."""
     out: Path | None = None
     """Folder to create; by default beside the dataset, named after it and the format."""
@@ -26,6 +32,7 @@ class Export:
     def run(self) -> int:
         """Export with a progress bar and say what was written."""
         from kine2go_warp.cli.progress import bar
+        from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.exports.export import default_folder, export_dataset
         from kine2go_warp.tables import counted
@@ -42,5 +49,5 @@ class Export:
             f"{size:.1f} MB; what is in it and whose it is: {out / 'README.md'}"
         )
         if note := check_note(self.dataset, record.motions):
-            print(f"remark: {note}")
+            say(f"remark: {note}")
         return 0

@@ -10,7 +10,10 @@ from kine2go_warp.cli.data import PolicyPath
 
 @dataclass(frozen=True)
 class ExportPolicy:
-    """Write a policy as ONNX and TorchScript, with all that a robot needs to know, checked against the policy."""
+    """Write a policy as ONNX and TorchScript, with all that a robot needs to know, checked against the policy.
+
+    Example: kine2go policy export runs/policies/dog_trot
+    """
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
+from kine2go_warp.cli.texts import command_prefix, sentence
 from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.extras import named_extras
 from kine2go_warp.interruption import end_like_interrupted
@@ -103,7 +104,7 @@ def parsed(given: list[str]) -> "Command | None":
     """
     first = given[0] if given else ""
     if not given:
-        print(FIRST_STEPS, end="")
+        print(FIRST_STEPS.replace("  kine2go", f"  {command_prefix()}kine2go"), end="")
     elif first == "--version":
         print(f"kine2go {__version__}")
     elif first in ("-h", "--help", "help"):
@@ -111,10 +112,14 @@ def parsed(given: list[str]) -> "Command | None":
     elif first in GROUPS and (len(given) == 1 or given[1] in ("-h", "--help", "help")):
         print_commands([first])
     elif first.startswith("--tyro-"):
-        return parse(every_command(), "kine2go", given)
+        import tyro
+
+        from kine2go_warp.cli.options import REGISTRY
+
+        tyro.cli(every_command(), prog="kine2go", args=given, registry=REGISTRY)
     else:
         name, rest = find_command(given)
-        return parse(imported(name), f"kine2go {name}", rest)
+        return parse(name, rest)
     return None
 
 
@@ -155,20 +160,20 @@ def imported(name: str) -> type[Any]:
     return getattr(importlib.import_module(f"kine2go_warp.cli.{module}"), kind)
 
 
-def parse(kind: Any, program: str, arguments: list[str]) -> "Command":
-    """Parse the options of a command, or exit if they are wrong or only ask for help."""
-    import tyro
+def parse(name: str, arguments: list[str]) -> "Command":
+    """Return a command with its options, or exit if they only ask for help.
 
-    from kine2go_warp.cli.train_command import REGISTRY
+    Raises:
+        Kine2GoError: an option is wrong.
+    """
+    from kine2go_warp.cli import options
 
-    more = {}
-    if program == "kine2go policy train":
+    kind, default = imported(name), None
+    if name == "policy train":
         from kine2go_warp.cli.train_command import default_train
 
-        more["default"] = default_train(arguments)  # its options begin with the settings of the preset that they name
-    return tyro.cli(
-        kind, prog=program, args=arguments, config=(tyro.conf.OmitSubcommandPrefixes,), registry=REGISTRY, **more
-    )
+        default = default_train(arguments)  # its options begin with the settings of the preset that they name
+    return options.parse(kind, f"kine2go {name}", arguments, default)
 
 
 def every_command() -> Any:
@@ -207,7 +212,7 @@ def print_commands(groups: Sequence[str] | dict[str, str]) -> None:
 
 def report(message: str) -> int:
     """Print an error in one line and return the exit status."""
-    print(f"kine2go: error: {' '.join(message.split())}", file=sys.stderr)
+    print(f"kine2go: error: {sentence(' '.join(message.split()))}", file=sys.stderr)
     return USER_ERROR
 
 

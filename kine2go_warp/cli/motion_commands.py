@@ -5,11 +5,12 @@ import sys
 from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder
+from kine2go_warp.cli.texts import printable, sentence
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
@@ -89,7 +90,10 @@ def chosen_entries(names: tuple[str, ...], every: bool, own: Path | None) -> "li
 
 @dataclass(frozen=True)
 class Retarget:
-    """Retarget motions to a robot, save them as clips and report on their quality."""
+    """Retarget motions to a robot, save them as clips and report on their quality.
+
+    Example: kine2go motion retarget dog_trot --out runs/clips
+    """
 
     motions: MotionNames
     """Names of catalogue entries, such as dog_trot, or motion files of your own, such as ./walk.bvh."""
@@ -147,7 +151,7 @@ class Retarget:
             files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
             say(f"not there: {', '.join(files)}")
         for failure in failures:
-            print(f"kine2go: error: {failure}", file=sys.stderr)
+            print(f"kine2go: error: {sentence(failure)}", file=sys.stderr)
         return 2 if failures else 0
 
     def entries(self) -> "list[CatalogueEntry]":
@@ -176,9 +180,12 @@ class Retarget:
 
 @dataclass(frozen=True)
 class Cycles:
-    """Find where a motion file repeats itself: the best ranges for a cycle."""
+    """Find where a motion file repeats itself: the best ranges for a cycle.
 
-    file: Positional[Path]
+    Example: kine2go motion cycles my_dog.txt --longest 2
+    """
+
+    file: Annotated[Positional[Path], tyro.conf.arg(metavar="FILE")]
     """A motion file (for Solo8: file.pt:K)."""
     source: str = ""
     """Which source reads the file: one of the package or of --catalogue, or FILE.py:NAME; by default the one that
@@ -214,7 +221,7 @@ class Cycles:
         if self.rate is not None and abs(motion.rate / self.rate - 1.0) > 0.01:
             raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
         for remark in motion.remarks:
-            print(f"{self.file}: {remark}", file=sys.stderr)
+            print(printable(f"{self.file}: {remark}"), file=sys.stderr)
         targets = pose_targets(motion, source, robot_named(self.robot))
         frames = round(self.shortest * motion.rate), round(self.longest * motion.rate)
         found = find_cycles(targets, max(frames[0], 3), frames[1], self.count, self.travel)
@@ -226,7 +233,10 @@ class Cycles:
 
 @dataclass(frozen=True)
 class Sources:
-    """List the catalogue's motions, check their files, or fetch them."""
+    """List the catalogue's motions, check their files, or fetch them.
+
+    Example: kine2go motion sources check --data clips
+    """
 
     action: Positional[Literal["list", "check", "fetch"]]
     """list: what there is. check: whether each file is there and whole. fetch: download what is missing."""
@@ -260,11 +270,13 @@ class Sources:
         """Print the licences, ask, and download what is missing."""
         from rich.progress import DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-        from kine2go_warp.cli.tables import console
+        from kine2go_warp.cli.tables import console, say
         from kine2go_warp.motions.fetch import check_file, fetch_file
 
         if self.url is None or self.data is None:
             raise CatalogueError("fetch needs --url (where the files are) and --data (the folder to put them in)")
+        if not self.url.startswith(("http://", "https://")):
+            raise CatalogueError(f"{self.url}: not an address that begins with http:// or https://")
         self.data.mkdir(parents=True, exist_ok=True)
         wanted = {}
         for entry in entries:
@@ -272,7 +284,7 @@ class Sources:
                 wanted.setdefault(entry.motion_source.data_file(Path(entry.file)), entry)
         output = console()
         for licence, citation in sorted({(entry.licence, entry.citation) for entry in wanted.values()}):
-            output.print(f"{licence}: {citation}", highlight=False, soft_wrap=True)
+            say(f"{licence}: {citation}")
         if wanted and not self.yes and not accepted_by_user():
             raise CatalogueError("nothing fetched, since the licences were not accepted")
         columns = (TextColumn("{task.description}"), DownloadColumn(), TransferSpeedColumn())

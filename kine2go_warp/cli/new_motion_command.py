@@ -13,7 +13,10 @@ from kine2go_warp.robots import DEFAULT_ROBOT
 
 @dataclass(frozen=True)
 class NewMotion:
-    """Look at a motion file: say what it is taken for, draw it, and write a table to edit."""
+    """Look at a motion file: say what it is taken for, draw it, and write a table to edit.
+
+    Example: kine2go motion new walk.bvh
+    """
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """A motion file, such as walk.bvh."""

@@ -1,5 +1,6 @@
 """Progress of long work: a live bar in a terminal, plain lines elsewhere."""
 
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.table import Column
 
 from kine2go_warp.cli.tables import console
+from kine2go_warp.cli.texts import sentence
 
 Item = TypeVar("Item")
 
@@ -54,6 +56,8 @@ class Progress:
         self.task: rich.progress.TaskID | None = None
         self.label = ""
         self.last_line = 0.0
+        self.opening = threading.Timer(0.0, print)
+        """Says without a terminal that a stage has begun, unless something else is said before."""
 
     def __enter__(self) -> "Progress":
         self.live.start()
@@ -62,6 +66,7 @@ class Progress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self.opening.cancel()
         self.live.stop()
 
     def stage(self, motion: str, stage: str) -> None:
@@ -73,7 +78,10 @@ class Progress:
         if self.console.is_terminal:
             self.task = self.live.add_task(self.label, total=None, detail=note)
         else:
-            self.console.print(f"{self.label}: {note or 'started'}", highlight=False)
+            # Not at once: what is wrong with the input is found in the first seconds, and is all that is said then.
+            self.opening = threading.Timer(PLAIN_INTERVAL, self._line, [f"{self.label}: {note or 'started'}"])
+            self.opening.daemon = True
+            self.opening.start()
 
     def advanced(self, done: int, total: int, detail: str) -> None:
         """The present stage has done some of its steps."""
@@ -83,14 +91,20 @@ class Progress:
             now = time.monotonic()
             if done == total or now - self.last_line >= PLAIN_INTERVAL:
                 self.last_line = now
-                self.console.print(f"{self.label}: {done}/{total}  {detail}".rstrip(), highlight=False)
+                self._line(f"{self.label}: {done}/{total}  {detail}".rstrip())
 
     def note(self, text: str) -> None:
         """Something that the user should know."""
-        self.console.print(f"kine2go: note: {text}", highlight=False, soft_wrap=True)
+        self._line(f"kine2go: note: {text}")
+
+    def _line(self, text: str) -> None:
+        """Print a line as it is."""
+        self.opening.cancel()
+        self.console.print(sentence(text), highlight=False, soft_wrap=True, markup=False)
 
     def _complete(self) -> None:
         """Fill the bar of the stage that ends."""
+        self.opening.cancel()
         if self.task is not None:
             total = self.live.tasks[-1].total or 1
             self.live.update(self.task, completed=total, total=total)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -13,17 +14,20 @@ Positional = tyro.conf.Positional
 
 @dataclass(frozen=True)
 class Render:
-    """Make a video of one trajectory, or of several side by side: what was recorded, without simulating it again."""
+    """Make a video of one trajectory, or of several side by side: what was recorded, without simulating it again.
+
+    Example: kine2go dataset render runs/demo/dataset.zarr dog_trot 0 --out trot.mp4
+    """
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
-    motion: Positional[str]
+    motion: Annotated[Positional[str], tyro.conf.arg(metavar="MOTION")]
     """One of its motions."""
-    trajectories: Positional[tuple[int, ...]] = ()
+    trajectories: Annotated[Positional[tuple[int, ...]], tyro.conf.arg(metavar="[K ...]")] = ()
     """Numbers of trajectories, counted from 0; by default the first."""
     out: Path = field(kw_only=True)
     """File to write, .mp4 or .gif."""
-    size: str = "640x480"
+    size: Annotated[str, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = "640x480"
     """Width and height of the whole picture in pixels."""
     fps: float = 30.0
     """Pictures a second; the video runs at the speed of the robot."""
@@ -41,11 +45,13 @@ class Render:
     def run(self) -> int:
         """Draw with a progress bar and say what was written."""
         from kine2go_warp.cli.progress import bar
+        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.renders.video import RenderConfig, render_video
 
         width, height = parsed_size(self.size)
         config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
         chosen = self.trajectories or (0,)
+        open_dataset(self.dataset).left_out(self.motion)  # a damaged file of verdicts is an error everywhere
         with bar("drawing") as advanced:
             record = render_video(self.dataset, self.motion, chosen, self.out, config, advanced, self.overwrite)
         print(

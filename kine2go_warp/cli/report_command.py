@@ -8,7 +8,10 @@ from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 @dataclass(frozen=True)
 class Report:
-    """Show a dataset on one HTML page that needs no network: scores, plots, pictures, settings, licences."""
+    """Show a dataset on one HTML page that needs no network: scores, plots, pictures, settings, licences.
+
+    Example: kine2go dataset report runs/demo/dataset.zarr --out report.html
+    """
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
@@ -24,6 +27,7 @@ class Report:
     def run(self) -> int:
         """Write the page with a progress bar and say where it is."""
         from kine2go_warp.cli.progress import bar
+        from kine2go_warp.cli.tables import say
         from kine2go_warp.reports.report import default_path, write_report
         from kine2go_warp.tables import counted
 
@@ -36,5 +40,5 @@ class Report:
             "open it in a browser"
         )
         for note in dict.fromkeys(part.note for part in parts if part.note):
-            print(note)
+            say(note)
         return 0

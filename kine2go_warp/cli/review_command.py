@@ -1,38 +1,56 @@
 """The command ``review``: look at the trajectories of a dataset, or at a clip, and say what is good."""
 
+import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from kine2go_warp.cli.data import MotionNames
+from kine2go_warp.cli.data import MotionNames, TargetPath
 from kine2go_warp.errors import DatasetError, RecordingError
+from kine2go_warp.metrics import FILTER_METRICS
 
 if TYPE_CHECKING:
-    from kine2go_warp.dataset.motion import Motion, Trajectory
+    from kine2go_warp.dataset.motion import Motion
     from kine2go_warp.recordings.meshes import Meshes
-
-Positional = tyro.conf.Positional
 
 
 @dataclass(frozen=True)
 class Review:
-    """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories."""
+    """Look at a dataset's trajectories or at a clip in the Rerun viewer, and keep verdicts on trajectories.
 
-    target: Positional[Path]
+    Example: kine2go dataset review runs/demo/dataset.zarr --step --worst 50
+    """
+
+    target: TargetPath
     """A dataset (.zarr), or a clip (.npz) made by 'kine2go motion retarget'."""
     motions: MotionNames = ()
     """Names of the dataset's motions; by default all."""
+    worst: int | None = None
+    """Only so many trajectories of all motions together, those closest to a limit."""
+    by: Annotated[str, tyro.conf.arg(metavar="METRIC")] = ""
+    """Order by this metric of the filter, such as foot_slip; by default by the one that is closest to its limit."""
     step: bool = False
-    """Go through trajectories in the terminal, those closest to a limit first, and accept or reject each by a key."""
+    """Go through trajectories in the terminal, the most doubtful first, and accept or reject each by a key. A viewer
+    shows the one in question where there is a display, or with --web."""
+    sheets: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """With --step: draw a sheet of eight pictures of each trajectory in question into this folder, and in the terminal
+    as far as it can; for machines without a viewer."""
     again: bool = False
     """With --step: also those that have a verdict already."""
     accept: tuple[str, ...] = ()
     """Accept these, MOTION or MOTION/K for one trajectory."""
     reject: tuple[str, ...] = ()
     """Reject these; loading, export and score leave them out. Say --why."""
+    accept_rest: bool = False
+    """Accept every trajectory that has no verdict."""
+    withdraw: tuple[str, ...] = ()
+    """Take the verdicts on these back, MOTION or MOTION/K."""
+    list: bool = False
+    """List the verdicts that there are."""
     why: str = ""
     """Reason of the verdicts."""
     who: str | None = None
@@ -47,21 +65,42 @@ class Review:
     """Only write the recordings."""
     web: bool = False
     """Serve the viewer for a browser on this machine, until interrupted."""
+    port: int | None = None
+    """Port of the viewer; with --web the page is there and the data are at the next one. By default free ones."""
     overwrite: bool = False
     """Replace recordings that were not made by this command."""
 
     def run(self) -> int:
         """Do what is asked."""
         self._check_options()
-        if self.target.suffix == ".npz" or self.target.is_file():
+        if self._is_clip():
             return self._show([self._record_clip()])
-        if self.accept or self.reject:
-            return self._judge()
+        motions = self._motions()
         if self.step:
-            from kine2go_warp.cli.review_steps import step_through
+            return self._step(motions)
+        if self.list or self.withdraw or self.accept or self.reject or self.accept_rest:
+            return self._verdicts(motions)
+        if not (self.save or self.web):
+            from kine2go_warp.recordings.viewer import check_display
 
-            return step_through(self.target, self._motions(), self.who, self.again)
-        return self._show(self._record_motions())
+            check_display()
+        return self._show(self._record_motions(motions))
+
+    def _verdicts(self, motions: "Sequence[Motion]") -> int:
+        """Give, list or take back verdicts."""
+        from kine2go_warp.cli import review_verdicts
+
+        if self.list:
+            return review_verdicts.print_reviews(self.target, motions)
+        if self.withdraw:
+            return review_verdicts.withdraw(self.target, self.withdraw)
+        if self.accept_rest:
+            return review_verdicts.accept_rest(self.target, motions, self.why.strip(), self.who)
+        return review_verdicts.keep(self.target, self.accept, self.reject, self.why.strip(), self.who)
+
+    def _is_clip(self) -> bool:
+        """Whether the target is a clip rather than a dataset."""
+        return self.target.suffix == ".npz" or self.target.is_file()
 
     def _check_options(self) -> None:
         """Check that the options fit together.
@@ -69,20 +108,30 @@ class Review:
         Raises:
             DatasetError: they do not.
         """
-        is_clip = self.target.suffix == ".npz" or self.target.is_file()
-        verdicts = bool(self.accept or self.reject)
-        if is_clip and (verdicts or self.step or self.motions):
+        actions = {
+            "--step": self.step,
+            "--accept and --reject": bool(self.accept or self.reject),
+            "--accept-rest": self.accept_rest,
+            "--withdraw": bool(self.withdraw),
+            "--list": self.list,
+        }
+        asked = [name for name, wanted in actions.items() if wanted]
+        if self._is_clip() and (asked or self.motions):
             raise DatasetError(f"{self.target}: a clip has neither motions nor verdicts; name a dataset for those")
+        if len(asked) > 1:
+            raise DatasetError(f"either {asked[0]} or {asked[1]}, not both")
         if self.reject and not self.why.strip():
             raise DatasetError("a rejection needs a reason; say it with --why")
-        if verdicts and self.step:
-            raise DatasetError("either --step, or --accept and --reject, not both")
-        if self.trajectories is not None and self.trajectories < 1:
-            raise DatasetError(f"--trajectories must be at least 1, not {self.trajectories}")
-        if not (verdicts or self.step or self.save or self.web):
-            from kine2go_warp.recordings.viewer import check_display
-
-            check_display()
+        if self.motions and (self.accept or self.reject or self.withdraw):
+            raise DatasetError("--accept, --reject and --withdraw name motions themselves; leave out the others")
+        if self.sheets is not None and not self.step:
+            raise DatasetError("--sheets goes with --step")
+        if self.by and self.by not in (known := [limit.name for limit in FILTER_METRICS]):
+            raise DatasetError(f"--by {self.by}: no metric of the filter; known are: {', '.join(known)}")
+        for name, least in (("worst", 1), ("trajectories", 1), ("port", 1)):
+            value = getattr(self, name)
+            if value is not None and not least <= value <= 65_534:
+                raise DatasetError(f"--{name} must be at least {least} and at most 65,534, not {value}")
 
     def _motions(self) -> "list[Motion]":
         """Return the motions that are named, or all.
@@ -106,17 +155,22 @@ class Review:
         whole = self.target if self.target.name else self.target.absolute()
         return self.out or whole.parent / "recordings"
 
-    def _record_motions(self) -> list[Path]:
+    def _record_motions(self, motions: "Sequence[Motion]") -> Sequence[Path]:
         """Write the recordings that are missing or show something else, and return all."""
         from kine2go_warp.cli.progress import tracked
+        from kine2go_warp.cli.review_steps import by_limit_usage
         from kine2go_warp.recordings.cache import RecordingCache
         from kine2go_warp.recordings.motion import Style
         from kine2go_warp.tables import counted
 
-        cache = RecordingCache(self._folder(), Style(self.trajectories, self._meshes()), self.overwrite)
+        counts: dict[str, int | None] = {motion.name: self.trajectories for motion in motions}
+        if self.worst is not None:
+            queue = by_limit_usage(motions, True, self.by)[: self.worst]
+            counts = dict(Counter(usage.reference.motion for usage in queue))
         paths = []
-        for motion in tracked(self._motions(), "recording"):
-            one = cache.ensure(motion)
+        for motion in tracked([one for one in motions if one.name in counts], "recording"):
+            style = Style(counts[motion.name], by=self.by, meshes=self._meshes())
+            one = RecordingCache(self._folder(), style, self.overwrite).ensure(motion)
             state = "written" if one.is_new else "up to date"
             size = one.path.stat().st_size / 1e6
             print(f"{one.path}: {counted(one.shown, 'trajectory')}, {size:.1f} MB, {state}", flush=True)
@@ -131,8 +185,11 @@ class Review:
         """
         from kine2go_warp.motions.clip import MotionClip
         from kine2go_warp.recordings.clip import record_clip
+        from kine2go_warp.recordings.viewer import check_display
 
         clip = MotionClip.load(self.target)
+        if not (self.save or self.web):
+            check_display()
         path = self._folder() / f"{clip.name}_clip.rrd"
         if path.parent.exists() and not path.parent.is_dir():
             raise RecordingError(f"{path.parent}: is a file; name a folder for the recordings")
@@ -140,57 +197,25 @@ class Review:
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, written", flush=True)
         return path
 
-    def _show(self, recordings: Sequence[Path]) -> int:
+    def _show(self, recordings: "Sequence[Path]") -> int:
         """Open the viewer, unless only files are wanted."""
         if self.save:
             return 0
         from kine2go_warp.recordings.viewer import WebViewer, open_native
 
         if self.web:
-            viewer = WebViewer.start(recordings)
+            viewer = WebViewer.start(recordings, self.port)
             print(f"open {viewer.url} (Ctrl-C ends it)", flush=True)
             viewer.wait()
         else:
             open_native(recordings)
         return 0
 
-    def _judge(self) -> int:
-        """Keep the verdicts that are given as options."""
-        from kine2go_warp.dataset.reviews import ACCEPTED, REJECTED, add_reviews, new_review
-        from kine2go_warp.tables import counted
+    def _step(self, motions: "Sequence[Motion]") -> int:
+        """Go through trajectories, with what shows the one in question: a viewer, or pictures."""
+        from kine2go_warp.cli.review_steps import step_through
+        from kine2go_warp.cli.review_views import shown_in
 
-        both = set(self.accept) & set(self.reject)
-        if both:
-            raise DatasetError(f"'{min(both)}' is both accepted and rejected")
-        if self.motions:
-            raise DatasetError("--accept and --reject name motions themselves; leave out the others")
-        verdicts = [
-            new_review(one, verdict, self.why.strip(), self.who)
-            for verdict, names in ((ACCEPTED, self.accept), (REJECTED, self.reject))
-            for name in names
-            for one in self._named(name)
-        ]
-        add_reviews(self.target, verdicts)
-        for verdict in (ACCEPTED, REJECTED):
-            count = sum(one.verdict == verdict for one in verdicts)
-            if count:
-                print(f"{self.target}: {counted(count, 'trajectory')} {verdict}")
-        return 0
-
-    def _named(self, name: str) -> "list[Trajectory]":
-        """Return the trajectories that MOTION or MOTION/K stands for, with all arrays.
-
-        Raises:
-            DatasetError: there is no such motion or trajectory.
-        """
-        from kine2go_warp.dataset.access import open_dataset
-
-        motion_name, slash, number = name.partition("/")
-        motion = open_dataset(self.target).motion(motion_name)
-        references = [one for one in motion.references() if one.length > 0]
-        if slash:
-            references = [one for one in references if str(one.index) == number]
-        if not references:
-            count = len(motion.lengths)
-            raise DatasetError(f"{self.target}: no trajectory '{name}'; {motion_name} has {count}, 0 to {count - 1}")
-        return list(motion.read(references, None))
+        display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        with shown_in(self.web, display and not self.sheets, self.port, self._meshes(), self.sheets) as views:
+            return step_through(self.target, motions, self.who, self.again, views, self.by, self.worst)

@@ -1,11 +1,16 @@
 """Going through trajectories in the terminal, one key a verdict."""
 
 import math
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from kine2go_warp.cli.data import check_data
+from kine2go_warp.cli.review_views import Views
+from kine2go_warp.cli.texts import printable
 from kine2go_warp.dataset.limit_usage import STORED, LimitUsage, limit_usages
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import (
@@ -17,10 +22,11 @@ from kine2go_warp.dataset.reviews import (
     remove_review,
     standing_reviews,
 )
+from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.tables import counted
 
-HELP = "a accept, r reject, s skip, u undo, q quit"
+HELP = "a accept, r reject, s skip, u undo, t accept this and all that follow, f film, q quit"
 
 
 @dataclass
@@ -31,6 +37,7 @@ class Steps:
     motions: dict[str, Motion]
     queue: list[LimitUsage]
     who: str | None
+    views: Views
     place: int = 0
     said: list[Review | None] = field(default_factory=list)
     """Of each trajectory before the present one; None where it was skipped."""
@@ -71,7 +78,15 @@ class Steps:
         self.place += 1
 
 
-def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, again: bool) -> int:
+def step_through(
+    dataset: Path,
+    motions: Sequence[Motion],
+    who: str | None,
+    again: bool,
+    views: Views,
+    by: str = "",
+    worst: int | None = None,
+) -> int:
     """Go through trajectories until the end, ``q``, or the end of the input.
 
     Args:
@@ -79,12 +94,20 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
         motions: Its motions to go through.
         who: Name of the person; by default the one that is logged in.
         again: Also show trajectories that have a verdict.
+        views: What shows the trajectory in question.
+        by: The metric by whose limit they are ordered.
+        worst: Only so many.
+
+    Raises:
+        DatasetError: data of a motion are missing.
     """
-    queue = by_limit_usage(motions, again)
-    steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who)
+    queue = by_limit_usage(motions, again, by)[:worst]
+    steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who, views)
     print(f"{counted(len(queue), 'trajectory')} to look at, those closest to a limit first; {HELP}", flush=True)
     while (usage := steps.present) is not None:
-        print(f"\n[{steps.place + 1}/{len(queue)}] {described(usage, steps.motions[usage.reference.motion])}")
+        motion = steps.motions[usage.reference.motion]
+        print(f"\n[{steps.place + 1}/{len(queue)}] {described(usage, motion)}", flush=True)
+        views.show(motion, usage)
         if not answer(steps):
             break
     left = len(queue) - steps.place
@@ -96,8 +119,12 @@ def step_through(dataset: Path, motions: Sequence[Motion], who: str | None, agai
     return 0
 
 
-def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
-    """Return the trajectories to look at, those closest to a limit first."""
+def by_limit_usage(motions: Sequence[Motion], again: bool, by: str = "") -> list[LimitUsage]:
+    """Return the trajectories to look at, those closest to a limit first, or to that of one metric.
+
+    Raises:
+        DatasetError: data of a motion are missing.
+    """
     from rich.console import Console
 
     from kine2go_warp.cli.progress import tracked
@@ -106,8 +133,9 @@ def by_limit_usage(motions: Sequence[Motion], again: bool) -> list[LimitUsage]:
     for motion in tracked(motions, "reading", Console(stderr=True)):
         done = set() if again else set(standing_reviews(motion))
         wanted = [one for one in motion.references() if one.length > 0 and one.index not in done]
+        check_data(motion)
         found += limit_usages(motion, wanted)
-    return sorted(found, key=lambda one: -one.worst_limit_ratio)
+    return sorted(found, key=lambda one: -one.ratio(by))
 
 
 def described(usage: LimitUsage, motion: Motion) -> str:
@@ -127,34 +155,58 @@ def described(usage: LimitUsage, motion: Motion) -> str:
     said = {STORED, *(f"quality/{limit.name}" for limit in FILTER_METRICS)}
     for title, names in grouped(motion).items():
         metrics = ", ".join(f"{label(motion, name)} {shown(one.values[name])}" for name in names if name not in said)
-        lines.append(f"  {title:<14} {metrics}")
-    return "\n".join(lines)
+        indent = " " * 17
+        width = shutil.get_terminal_size().columns
+        lines.append(textwrap.fill(f"  {title:<14} {metrics}", width, subsequent_indent=indent, break_long_words=False))
+    return printable("\n".join(lines))
 
 
 def answer(steps: Steps) -> bool:
     """Ask for a key until it leads on; return whether to go on."""
+    keys = {
+        "a": lambda: steps.judge(ACCEPTED, ""),
+        "r": lambda: reject(steps),
+        "s": steps.skip,
+        "u": lambda: steps.undo() or stay("nothing to undo"),
+        "t": lambda: accept_all(steps),
+        "f": lambda: stay(film(steps)),
+    }
     while True:
         key = read_key("> ")
         if key in ("", "q"):
             return False
-        if key == "a":
-            steps.judge(ACCEPTED, "")
-        elif key == "r":
-            why = read_line("why: ")
-            if not why:
-                print("not rejected: a rejection needs a reason")
-                continue
-            steps.judge(REJECTED, why)
-        elif key == "s":
-            steps.skip()
-        elif key == "u":
-            if not steps.undo():
-                print("nothing to undo")
-                continue
-        else:
-            print(HELP)
-            continue
-        return True
+        if (keys[key]() if key in keys else stay(HELP)) is not False:
+            return True
+
+
+def stay(message: str) -> bool:
+    """Print a message and return that the question stands."""
+    print(printable(message))
+    return False
+
+
+def reject(steps: Steps) -> bool | None:
+    """Ask why and reject the present trajectory; return False if there is no reason."""
+    why = read_line("why: ")
+    return steps.judge(REJECTED, why) if why else stay("not rejected: a rejection needs a reason")
+
+
+def accept_all(steps: Steps) -> bool | None:
+    """Accept the present trajectory and all that follow, if that is meant; return False if not."""
+    if read_line(f"accept {counted(len(steps.queue) - steps.place, 'trajectory')}? y/n: ").lower() != "y":
+        return False
+    while steps.present is not None:
+        steps.judge(ACCEPTED, "")
+    return None
+
+
+def film(steps: Steps) -> str:
+    """Write a film of the present trajectory and return where it is, or why there is none."""
+    usage = steps.queue[steps.place]
+    try:
+        return f"film: {steps.views.film(steps.motions[usage.reference.motion], usage)}"
+    except Kine2GoError as error:
+        return f"no film: {error}"
 
 
 def read_key(prompt: str) -> str:

@@ -73,6 +73,8 @@ class Run(RecipeOptions):
 
     Run again, it does only what is missing or what other settings ask for. Ctrl-C stops after a checkpoint, a second
     one at once.
+
+    Example: kine2go run pipelines/smoke.toml --data clips --workers 2
     """
 
     workers: int | None = None
@@ -148,7 +150,10 @@ class Run(RecipeOptions):
 
 @dataclass(frozen=True)
 class Demo:
-    """Run the whole pipeline on the bundled clip, in minutes and without any data of your own."""
+    """Run the whole pipeline on the bundled clip, in minutes and without any data of your own.
+
+    Example: kine2go demo --out runs/demo
+    """
 
     out: Path = Path("runs/demo")
     """Folder for the results."""
@@ -161,7 +166,10 @@ class Demo:
 
 @dataclass(frozen=True)
 class Status(RecipeOptions):
-    """Show motions and stages of a recipe: what is done, what is going on, what would run, and why."""
+    """Show motions and stages of a recipe: what is done, what is going on, what would run, and why.
+
+    Example: kine2go status pipelines/smoke.toml --data clips
+    """
 
     json: bool = False
     """Write one JSON object instead of tables."""

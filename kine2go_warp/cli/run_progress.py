@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from kine2go_warp.cli.progress import FIRST_TIME_NOTES, PLAIN_INTERVAL
+from kine2go_warp.cli.texts import printable
 from kine2go_warp.pipelines.events import Event, RunObserver
 
 
@@ -39,7 +40,7 @@ class PlainLines(RunObserver):
             self._last[event.motion] = now
         line = sentence(event)
         if line:
-            self._write(line)
+            self._write(printable(line))
 
 
 class JsonLines(PlainLines):

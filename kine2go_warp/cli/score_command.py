@@ -16,7 +16,10 @@ HEADLINES = ("joint_rmse", "root_error", "foot_error", "body_emd", "foot_slip", 
 
 @dataclass(frozen=True)
 class Score:
-    """Score the rollouts of a dataset: tracking, Earth Mover's Distance, slip, effort, smoothness, with intervals."""
+    """Score the rollouts of a dataset: tracking, Earth Mover's Distance, slip, effort, smoothness, with intervals.
+
+    Example: kine2go dataset score runs/demo/dataset.zarr --json scores.json
+    """
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""

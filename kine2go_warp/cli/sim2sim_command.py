@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import PolicyPath
+from kine2go_warp.cli.data import Device, PolicyPath
 from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
 
 if TYPE_CHECKING:
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sim2Sim:
-    """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton."""
+    """Let the exported policy drive the robot in plain MuJoCo, and hold it against the policy in Newton.
+
+    Example: kine2go policy sim2sim runs/policies/dog_trot
+    """
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""
@@ -33,8 +36,7 @@ class Sim2Sim:
     """Write the results to this file; by default sim2sim.json in the policy folder."""
     overwrite: bool = False
     """Replace the file if it is there; the one in the policy folder always is."""
-    device: str | None = None
-    """Where Newton simulates, cpu or cuda; by default cuda where there is one."""
+    device: Device = None
 
     def run(self) -> int:
         """Export if need be, simulate with a progress bar, write, and print a table."""
@@ -45,6 +47,12 @@ class Sim2Sim:
         check_output(self.json, self.overwrite)
         policy = PolicyFolder(self.policy)
         policy.read_record()
+        policy.latest_checkpoint()
+
+        from kine2go_warp.deployment.metadata import read_metadata
+
+        if self.exported is not None:
+            read_metadata(self.exported)
 
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.deployment.controller import ExportedPolicy

@@ -4,6 +4,7 @@ import importlib.metadata
 import platform
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +13,13 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from kine2go_warp.cli.texts import command_prefix, printable, sentence
 from kine2go_warp.device import start_warp
+from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.tables import Cell, Table, make_table
+from kine2go_warp.tables import Cell, Column, Table, make_table
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -66,18 +69,21 @@ def print_table(table: Table, output: Console | None = None) -> None:
     """
     output = output or console()
     if table.title:
-        output.print(Text(table.title, "italic"), soft_wrap=True)
-    rows = [row for row in (*table.rows, table.total) if row]
-    widths = [max([0, *(len(row[place].text) for row in rows)]) for place in range(len(table.columns))]
+        output.print(Text(printable(table.title), "italic"), soft_wrap=True)
+    rows = [
+        tuple(replace(cell, text=printable(cell.text)) for cell in row) for row in (*table.rows, table.total) if row
+    ]
+    columns = [replace(column, text=printable(column.text)) for column in table.columns]
+    widths = [max([0, *(len(row[place].text) for row in rows)]) for place in range(len(columns))]
     least = [
         max([width if column.number else min(width, FOLDED), *map(len, column.heading.split())])
-        for width, column in zip(widths, table.columns, strict=True)
+        for width, column in zip(widths, columns, strict=True)
     ]
     if sum(least) + 3 * len(least) + 1 > output.width:
-        _print_blocks(table, rows, output)
+        _print_blocks(columns, rows, output)
         return
     made = RichTable()
-    for column, width in zip(table.columns, least, strict=True):
+    for column, width in zip(columns, least, strict=True):
         heading = "\n".join(textwrap.wrap(column.heading, width, break_long_words=False, break_on_hyphens=False))
         side = "right" if column.number else "left"
         made.add_column(Text(heading), justify=side, no_wrap=column.number, min_width=width, overflow="fold")
@@ -86,18 +92,18 @@ def print_table(table: Table, output: Console | None = None) -> None:
     output.print(made)
 
 
-def _print_blocks(table: Table, rows: Sequence[tuple[Cell, ...]], output: Console) -> None:
+def _print_blocks(columns: Sequence[Column], rows: Sequence[tuple[Cell, ...]], output: Console) -> None:
     """Print a table as blocks: the first cell of a row, then a line for each of the others that is not empty."""
     for row in rows:
         output.print(Text(row[0].text, "bold"), soft_wrap=True)
-        for column, cell in zip(table.columns[1:], row[1:], strict=True):
+        for column, cell in zip(columns[1:], row[1:], strict=True):
             if cell.text:
                 output.print(Text(f"  {column.heading}: ").append(cell.text, cell.style), soft_wrap=True)
 
 
 def say(text: str) -> None:
     """Print a line as it is: no colours for numbers, no markup, no breaks of its own."""
-    console().print(text, highlight=False, soft_wrap=True, markup=False)
+    console().print(sentence(text), highlight=False, soft_wrap=True, markup=False)
 
 
 def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:
@@ -122,7 +128,7 @@ def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordi
         for row in summaries:
             path = recordings / f"{row.motion}.rrd"
             if path.is_file():
-                say(f"look at it: rerun {path}")
+                say(f"look at it: {command_prefix()}rerun {path}")
 
 
 def print_rejections(result: "GatherResult") -> None:
@@ -226,21 +232,35 @@ def print_bench(report: "BenchReport") -> None:
     say(", ".join(f"{name} {value}" for name, value in machine(report.device).items()))
 
 
-def print_machine() -> None:
-    """Print versions and devices."""
+def print_machine() -> list[str]:
+    """Print versions and devices, and return what is wrong with them."""
     import warp as wp
 
-    start_warp()
-    rows = [("Python", platform.python_version())]
+    rows, problems = [("Python", platform.python_version())], []
     for package in PACKAGES:
         try:
             rows.append((package, importlib.metadata.version(package)))
         except importlib.metadata.PackageNotFoundError:
             rows.append((package, "missing"))
-    rows += [(f"device {device.alias}", device.name) for device in wp.get_devices()]
-    rows.append(("used by default", "cuda:0" if wp.is_cuda_available() else "cpu"))
-    rows.append(("kernel cache", str(wp.config.kernel_cache_dir)))
+            problems.append(f"{package} is not installed")
+    try:
+        start_warp()
+        rows += [(f"device {device.alias}", device.name) for device in wp.get_devices()]
+        rows.append(("used by default", "cuda:0" if wp.is_cuda_available() else "cpu"))
+        rows.append(("kernel cache", str(wp.config.kernel_cache_dir)))
+    except Kine2GoError as error:
+        problems.append(str(error))
     print_table(make_table("software and devices", ("what", "version or name"), rows, ("what", "version or name")))
+    return problems
+
+
+def print_usable(entries: Sequence[CatalogueEntry], data_folder: Path | None) -> None:
+    """Print which motions can be used here."""
+    names = [entry.name for entry in entries if entry.is_there(data_folder)]
+    say(f"motions that can be used here: {len(names)} of {len(entries)}: {', '.join(names) or 'none'}")
+    if len(names) < len(entries):
+        more = "" if data_folder else "; name the folder of source clips with --data or in KINE2GO_DATA"
+        say(f"'kine2go motion sources list' shows the others and their files{more}")
 
 
 def print_motions(entries: Sequence[CatalogueEntry], data_folder: Path | None) -> None:

@@ -1,19 +1,16 @@
 """The command that trains, and its settings: a preset, over it a file, over that the options."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, get_type_hints
-
-import tyro
 
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
-from kine2go_warp.settings import Named, are_named, are_pairs, from_dictionary, to_dictionary
+from kine2go_warp.settings import from_dictionary, to_dictionary
 from kine2go_warp.toml import place_in, read_toml, to_toml
 
 
@@ -23,6 +20,8 @@ class Train:
 
     Ctrl-C stops after the iteration, with a checkpoint from which the same command continues exactly; a second one
     stops at once.
+
+    Example: kine2go policy train runs/clips/dog_trot.npz --iterations 200
     """
 
     clips: ClipPaths = ()
@@ -78,6 +77,7 @@ class Train:
         """Train with a progress bar."""
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.cli.watching import watching
+        from kine2go_warp.device import choose_device, choose_processes
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip, robot_of
@@ -89,6 +89,7 @@ class Train:
         if not self.clips:
             raise PolicyError("name at least one clip; 'kine2go motion retarget' makes them")
         clips = [MotionClip.load(path) for path in self.clips]
+        choose_processes(self.processes, settings.env.num_worlds, choose_device(self.device))
         limit_threads()
         name = "+".join(clip.name for clip in clips)
         folder = self.out or Path("runs/policies") / name
@@ -120,7 +121,7 @@ def default_train(arguments: Sequence[str]) -> Train:
         Kine2GoError: there is no such preset or file, or a setting in the file is wrong.
     """
     preset, config = option(arguments, "--preset"), option(arguments, "--config")
-    found = find_preset(preset or FAST.preset)
+    found = find_preset(FAST.preset if preset is None else preset)
     if config is not None:
         values, text = read_toml(Path(config))
         section, locate = values.get("train", {}), partial(place_in, text)
@@ -138,35 +139,3 @@ def option(arguments: Sequence[str], name: str) -> str | None:
         if argument.startswith(f"{name}="):
             return argument.partition("=")[2]
     return None
-
-
-def record_option(record: Named) -> tuple[Any, Any]:
-    """Return the type and the default of a record's option: those of its main field, if it has one."""
-    name = record.main_field
-    return (get_type_hints(type(record))[name], getattr(record, name)) if name else (type(record), record)
-
-
-REGISTRY = tyro.constructors.ConstructorRegistry()
-"""How options name the parts of settings that are addressed by name."""
-
-
-@REGISTRY.struct_rule
-def by_name(info: tyro.constructors.StructTypeInfo) -> tyro.constructors.StructConstructorSpec | None:
-    """Give a tuple of named records, or of pairs of a name and a number, an option for each of its parts."""
-    if are_pairs(info.default):
-        parts = [(name, float, value) for name, value in info.default]
-    elif are_named(info.default):
-        parts = [(one.name, *record_option(one)) for one in info.default]
-    else:
-        return None
-
-    def instantiate(**values: Any) -> tuple[Any, ...]:
-        if are_pairs(info.default):
-            return tuple(values.items())
-        changed = zip(info.default, values.values(), strict=True)
-        return tuple(replace(one, **{one.main_field: value}) if one.main_field else value for one, value in changed)
-
-    return tyro.constructors.StructConstructorSpec(
-        instantiate=instantiate,
-        fields=tuple(tyro.constructors.StructFieldSpec(name, kind, value) for name, kind, value in parts),
-    )

@@ -53,6 +53,13 @@ class LimitUsage:
         known = [share for share in self.shares if not math.isnan(share)]
         return max(known, default=math.inf)
 
+    def ratio(self, metric: str = "") -> float:
+        """Return the share of a metric's limit, by its name, -1 where that is not known; without a name the largest."""
+        if not metric:
+            return self.worst_limit_ratio
+        share = self.shares[[limit.name for limit in FILTER_METRICS].index(metric)]
+        return -1.0 if math.isnan(share) else share
+
     @property
     def worst(self) -> str:
         """The metric that is closest to its limit, an empty text if no limit is known."""

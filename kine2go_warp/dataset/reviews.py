@@ -141,6 +141,22 @@ def remove_review(dataset: Path, verdict: Review) -> None:
     _change(dataset, without)
 
 
+def withdraw_reviews(dataset: Path, trajectories: Sequence[Trajectory]) -> int:
+    """Take all verdicts on some trajectories back and return how many there were.
+
+    Args:
+        dataset: Folder of the dataset.
+        trajectories: With all their row arrays.
+
+    Raises:
+        DatasetError: the file cannot be read.
+    """
+    named = {(one.motion, content_hash(one)) for one in trajectories}
+    before = len(read_reviews(dataset))
+    _change(dataset, lambda known: tuple(one for one in known if (one.motion, one.content_hash) not in named))
+    return before - len(read_reviews(dataset))
+
+
 def standing_reviews(motion: Motion, verdicts: Sequence[Review] | None = None) -> dict[int, Review]:
     """Return the last verdict on each trajectory of a motion that has one, by the place of the trajectory now.
 

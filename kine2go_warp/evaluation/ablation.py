@@ -18,7 +18,7 @@ from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import Preset, base_preset
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.settings import content_hash, from_dictionary, to_dictionary
+from kine2go_warp.settings import check_ranges, content_hash, from_dictionary, to_dictionary
 from kine2go_warp.tables import make_table, markdown
 from kine2go_warp.toml import place_in, read_toml
 
@@ -61,8 +61,12 @@ class AblationConfig:
     """Rollouts of each policy under each condition."""
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.seeds, self.rollouts) < 1:
-            raise Kine2GoError("steps, seeds and rollouts must be at least 1")
+        """Check the ranges.
+
+        Raises:
+            Kine2GoError: a value is outside.
+        """
+        check_ranges(self, steps=(1, 10**12), seeds=(1, 10_000), rollouts=(1, 1_000_000))
 
     @property
     def evaluation(self) -> EvalConfig:

@@ -7,9 +7,9 @@ import numpy as np
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.terms.randomization import RANDOMIZATION
-from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import ROBUST
 from kine2go_warp.rollouts.config import MILD, rollout_environment
+from kine2go_warp.settings import check_ranges
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 """Multiples of it fill a circle evenly, whatever their number, and are not correlated with the phases."""
@@ -35,12 +35,13 @@ class EvalConfig:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if self.worlds < 1 or self.seed < 0:
-            raise PolicyError("worlds must be at least 1, and the seed not negative")
-        if not 0.1 <= self.seconds <= 3600.0:
-            raise PolicyError("seconds must be between 0.1 and 3600")
-        if self.max_distance <= 0.0 or self.max_angle <= 0.0:
-            raise PolicyError("max-distance and max-angle must be positive")
+        """Check the ranges.
+
+        Raises:
+            Kine2GoError: a value is outside.
+        """
+        check_ranges(self, worlds=(1, 1_000_000), seconds=(0.1, 3600), seed=(0, 2**31 - 1))
+        check_ranges(self, max_distance=(1e-3, 1e3), max_angle=(1e-3, np.pi))
 
     def rows(self, control_rate: float) -> int:
         """Return the length of a rollout [control steps]."""

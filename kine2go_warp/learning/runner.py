@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import math
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -48,9 +49,11 @@ class TrainingProgress:
     """Episodes that the simulation itself has failed so far: buffers that were too small, numbers not finite."""
 
     def __str__(self) -> str:
-        episode = f"{self.episode_length:.0f} steps an episode"
         faults = f", {self.faults} faults of the simulation" if self.faults else ""
-        return f"reward {self.reward:.2f}, {episode}, {self.steps_per_second:,.0f} steps/s{faults}"
+        speed = f"{self.steps_per_second:,.0f} steps/s{faults}"
+        if math.isnan(self.reward):
+            return f"no episode has ended yet, {speed}"
+        return f"reward {self.reward:.2f}, {self.episode_length:.0f} steps an episode, {speed}"
 
 
 ProgressCallback = Callable[[TrainingProgress], None]

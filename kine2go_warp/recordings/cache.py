@@ -83,7 +83,7 @@ class RecordingCache:
         """Return a hash of all that a recording is made from, but for the number of trajectories."""
         reviews = [asdict(one) for one in read_reviews(motion.path) if one.motion == motion.name]
         meshes = self.style.meshes.content() if self.style.meshes else ""
-        return content_hash(__version__, motion_content(motion.path, motion.name), reviews, meshes)
+        return content_hash(__version__, motion_content(motion.path, motion.name), reviews, meshes, self.style.by)
 
     def _is_enough(self, known: dict[str, Any]) -> bool:
         """Return whether a recording shows as many trajectories as are wanted."""

@@ -112,5 +112,6 @@ def scene(
 def curves(name: str, origin: str, parts: list[str] | None = None) -> rrb.TimeSeriesView:
     """Return a plot of the curves at an entity, or at some entities below it."""
     contents = "$origin/**" if parts is None else [f"+ $origin/{part}" for part in parts]
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    # It would cover a third of a plot; the text of a trajectory names the colours.
+    legend = rrb.PlotLegend(visible=False)
     return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=legend)

@@ -23,6 +23,8 @@ class Style:
 
     trajectories: int | None = None
     """How many, those closest to a limit; by default all."""
+    by: str = ""
+    """The metric by whose limit they are ordered; by default the one that each is closest to."""
     meshes: Meshes | None = None
     """Drawn instead of primitive shapes."""
 
@@ -33,7 +35,7 @@ def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:
     Raises:
         DatasetError: the motion holds no trajectory, or an array cannot be read.
     """
-    shown = closest_to_limits(motion, style.trajectories)
+    shown = closest_to_limits(motion, style.trajectories, style.by)
     if not shown:
         raise DatasetError(f"motion '{motion.name}' holds no trajectory to record")
     verdicts = {index: review_text(one) for index, one in standing_reviews(motion).items()}
@@ -49,12 +51,12 @@ def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:
     return len(shown)
 
 
-def closest_to_limits(motion: Motion, count: int | None) -> list[tuple[Trajectory, LimitUsage]]:
+def closest_to_limits(motion: Motion, count: int | None, by: str = "") -> list[tuple[Trajectory, LimitUsage]]:
     """Return trajectories of a motion in memory, those closest to a limit first."""
     limits = filter_limits(motion.attributes)
     references = [one for one in motion.references() if one.length > 0]
     known = [(one, limit_usage(one, limits)) for one in motion.read(references, None)]
-    known.sort(key=lambda pair: -pair[1].worst_limit_ratio)
+    known.sort(key=lambda pair: -pair[1].ratio(by))
     return known[:count]
 
 

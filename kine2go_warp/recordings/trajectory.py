@@ -28,10 +28,15 @@ FORCE_SCALE = 0.002
 """Length of an arrow by its force [m/N]."""
 
 ERROR_COLOURS: tuple[Colour, ...] = ((98, 160, 234), (245, 178, 66), (239, 108, 98))
+ERROR_NAMES = ("blue", "orange", "red")
 LIMIT_COLOUR: Colour = (200, 60, 60)
 TERM_COLOURS: tuple[Colour, ...] = (
     (239, 108, 98), (245, 178, 66), (94, 200, 178), (98, 160, 234), (178, 132, 220), (200, 200, 200),
 )  # fmt: skip
+TERM_NAMES = ("red", "orange", "green", "blue", "purple", "grey")
+LEG_NAMES = ("red", "blue", "orange", "green")
+"""What people call these colours and ``LEG_COLOURS``."""
+
 DIMMED = 0.5
 """Brightness of the curve of a reference beside that of the robot."""
 
@@ -66,7 +71,20 @@ def log_trajectory(
     log_paths(columns, rows)
     log_pushes(columns, rows)
     log_curves(columns, motion, rows, usage, spec)
-    columns.fix("text", rr.TextDocument(trajectory_text(motion, one, usage, verdict), media_type="text/markdown"))
+    text = f"{trajectory_text(motion, one, usage, verdict)}\n\n{colours_text(motion)}"
+    columns.fix("text", rr.TextDocument(text, media_type="text/markdown"))
+
+
+def colours_text(motion: Motion) -> str:
+    """Return which curve has which colour, in Markdown."""
+    terms = [term.replace("_", " ") for term in motion.labels("term")]
+    plots = {
+        "errors": [f"{one} {limit.label}" for one, limit in zip(ERROR_NAMES, ROW_LIMITS, strict=True)],
+        "joints": [f"{one} {joint}" for one, joint in zip(LEG_NAMES, LEG_JOINTS, strict=False)] + ["darker: reference"],
+        "rewards": [f"{TERM_NAMES[number % len(TERM_NAMES)]} {term}" for number, term in enumerate(terms)],
+        "forces": [f"{one} {leg}" for one, leg in zip(LEG_NAMES, LEG_COLOURS, strict=True)],
+    }
+    return "\n".join(["| colours | |", "|---|---|", *(f"| {name} | {', '.join(one)} |" for name, one in plots.items())])
 
 
 def steps_ahead(attributes: Mapping[str, Any]) -> tuple[int, ...]:

@@ -1,7 +1,6 @@
 """Opening recordings in the Rerun viewer."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -12,7 +11,10 @@ from pathlib import Path
 from urllib.parse import quote
 
 from kine2go_warp.errors import RecordingError
+from kine2go_warp.interruption import Terminated
 
+MEMORY = "2GB"
+"""What the viewer, and the server for browsers, may use; above it they drop the oldest recordings."""
 PATIENCE = 1.0
 """A viewer that ends sooner than this has failed [s]."""
 
@@ -54,26 +56,29 @@ def open_native(recordings: Sequence[Path]) -> None:
         RecordingError: there is no display, or the viewer does not start.
     """
     check_display()
-    command = [str(viewer_program()), "--new", "--bind", "127.0.0.1", *map(str, recordings)]
+    command = [str(viewer_program()), "--new", "--bind", "127.0.0.1", "--memory-limit", MEMORY, *map(str, recordings)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     time.sleep(PATIENCE)
     if process.poll() not in (None, 0):
         raise RecordingError("the Rerun viewer ended at once; use --web for a browser, or --save to only write files")
 
 
-def open_waiting() -> str:
+def open_waiting(port: int | None = None) -> str:
     """Open a window that waits for a recording, and return the address to send it to; it stays when this process ends.
 
+    Args:
+        port: Where it listens; by default a free port.
+
     Raises:
-        RecordingError: there is no display, or the viewer does not start.
+        RecordingError: there is no display, the port is in use, or the viewer does not start.
     """
     check_display()
-    (port,) = free_ports(1)
-    command = [str(viewer_program()), "--port", str(port), "--bind", "127.0.0.1"]
+    (port,) = free_ports(1, port)
+    command = [str(viewer_program()), "--port", str(port), "--bind", "127.0.0.1", "--memory-limit", MEMORY]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     if not is_listening(process, port):
         process.terminate()
-        raise RecordingError("the Rerun viewer does not start; use --rerun-web for a browser, or --rerun-save")
+        raise RecordingError("the Rerun viewer does not start; use --web for a browser")
     return stream_address(port)
 
 
@@ -105,15 +110,19 @@ class WebViewer:
     """Where further recordings may be sent."""
 
     @classmethod
-    def start(cls, recordings: Sequence[Path]) -> "WebViewer":
+    def start(cls, recordings: Sequence[Path], port: int | None = None) -> "WebViewer":
         """Start to serve.
 
+        Args:
+            recordings: Files to show.
+            port: Of the page; the data are at the next one. By default both are free ones.
+
         Raises:
-            RecordingError: the server does not start.
+            RecordingError: a port is in use, or the server does not start.
         """
-        page, data = free_ports(2)
+        page, data = free_ports(2, port)
         command = [str(viewer_program()), "--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(page)]
-        command += ["--port", str(data), "--server-memory-limit", "25%", *map(str, recordings)]
+        command += ["--port", str(data), "--server-memory-limit", MEMORY, *map(str, recordings)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         source = stream_address(data)
         viewer = cls(process, f"http://127.0.0.1:{page}/?url={quote(source, safe='')}", source)
@@ -123,15 +132,19 @@ class WebViewer:
         return viewer
 
     def wait(self) -> None:
-        """Serve until interrupted or told to end; the server does not outlive this process."""
-        before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+        """Serve until interrupted or told to end; the server does not outlive this process.
+
+        Raises:
+            Terminated: the process was told to end.
+        """
         try:
             self.process.wait()
+        except Terminated:
+            raise
         except KeyboardInterrupt:
             pass
         finally:
             self.stop()
-            signal.signal(signal.SIGTERM, before)
 
     def stop(self) -> None:
         """Stop serving."""
@@ -139,12 +152,21 @@ class WebViewer:
         self.process.wait()
 
 
-def free_ports(count: int) -> list[int]:
-    """Return ports of this machine that nobody uses."""
-    probes = [socket.socket() for _ in range(count)]
+def free_ports(count: int, first: int | None = None) -> list[int]:
+    """Return ports of this machine that nobody uses, from a first one on or any.
+
+    Raises:
+        RecordingError: one of those asked for is in use.
+    """
+    wanted = [0] * count if first is None else range(first, first + count)
+    probes = [socket.socket() for _ in wanted]
     try:
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
+        for probe, port in zip(probes, wanted, strict=True):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except (OSError, OverflowError) as error:
+                raise RecordingError(f"port {port} cannot be used ({error}); choose another --port") from None
         return [probe.getsockname()[1] for probe in probes]
     finally:
         for probe in probes:

@@ -1,8 +1,10 @@
 """Puts the page together from a dataset."""
 
+import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from kine2go_warp.files import atomic_file
 from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.renders.video import check_output
 from kine2go_warp.reports import tables
+from kine2go_warp.reports.limits import LimitShare, limit_shares, limits_table
 from kine2go_warp.reports.plots import MOST_PATHS, coverage_svg, phase_svg
 from kine2go_warp.reports.thumbnails import HEIGHT, WIDTH, Strip, strips
 from kine2go_warp.revision import revision
@@ -22,6 +25,9 @@ from kine2go_warp.tables import number_text
 
 PAGE = Path(__file__).parent / "page"
 """Template, style and script."""
+
+FEW = 3
+"""The parts of more motions than this are folded at first."""
 
 DATASET_FACTS = {
     "format_version": "",
@@ -52,6 +58,8 @@ class MotionPart:
     """A drawing as SVG."""
     phase: str
     """A drawing as SVG."""
+    limits: tuple[LimitShare, ...]
+    """Closest first."""
     strips: tuple[Strip, ...]
     note: str
     """Why there are no pictures, if there are none."""
@@ -136,7 +144,7 @@ def motion_part(dataset: Dataset, name: str, key: str, renderer: RenderProcess |
     duration = metrics.rows * data.frame_duration
     return MotionPart(
         name, metrics.rows, duration, data.attributes, metrics, coverage_svg(curves, f"{key}c"),
-        phase_svg(curves, f"{key}p"), shown, note,
+        phase_svg(curves, f"{key}p"), limit_shares(data), shown, note,
     )  # fmt: skip
 
 
@@ -174,6 +182,10 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
             scores.motions, {part.name: (part.trajectories, part.duration) for part in parts}, scores.overall
         ),
         metrics={part.name: tables.all_metrics(scores.motions[part.name]) for part in parts},
+        limits={part.name: limits_table(part.limits) for part in parts},
+        longest=max(part.duration for part in parts),
+        folded=len(parts) > FEW,
+        made=made_when_and_where(dataset),
         fidelity={part.name: tables.fidelity(part.attributes) for part in parts},
         rejections=tables.rejections(attributes, {part.name: part.trajectories for part in parts}),
         licences=tables.licences(attributes),
@@ -190,6 +202,13 @@ def page(dataset: Dataset, parts: Sequence[MotionPart], review: str) -> str:
         style=(PAGE / "page.css").read_text(),
         script=(PAGE / "page.js").read_text(),
     )
+
+
+def made_when_and_where(dataset: Dataset) -> str:
+    """Return when the dataset was changed last, and where it is."""
+    path = dataset.path.resolve()
+    when = datetime.fromtimestamp((path / "zarr.json").stat().st_mtime, UTC)
+    return f"Data of {when:%Y-%m-%d %H:%M} UTC, at {path} on {platform.node()}"
 
 
 def tiles(parts: Sequence[MotionPart], acceptance: float) -> list[tuple[str, str]]:

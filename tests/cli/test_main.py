@@ -128,7 +128,7 @@ BAD_INPUT = {
     "folder for a clip": ("train .", "not a clip"),
     "missing policy": ("gather policy", "no policy here"),
     "evaluation of nothing": ("eval policy", "no policy here"),
-    "evaluation of no worlds": ("eval policy --worlds 0", "worlds must be at least 1"),
+    "evaluation of no worlds": ("eval policy --worlds 0", "worlds is 0; it must be from 1"),
     "export of nothing": ("export-policy policy", "no policy here"),
     "sim2sim of nothing": ("sim2sim policy", "no policy here"),
     "missing recipe": ("run recipe.toml", "no such recipe"),
@@ -306,6 +306,7 @@ def test_doctor_lists_devices_and_motions(capsys):
     output = capsys.readouterr().out
     assert "cpu" in output
     assert "dog_trot" in output
+    assert "verdict: ready" in output
 
 
 def test_an_interruption_ends_with_status_130(monkeypatch, capsys):
@@ -315,3 +316,20 @@ def test_an_interruption_ends_with_status_130(monkeypatch, capsys):
     monkeypatch.setattr("kine2go_warp.cli.commands.Doctor.run", interrupt)
     assert main(["doctor"]) == 130
     assert "nothing finished is lost" in capsys.readouterr().err
+
+
+def test_an_unwritable_kernel_cache_is_named_with_the_variable_that_moves_it(clip, tmp_path):
+    clip.save(tmp_path / "clip.npz")
+    (tmp_path / "file").write_text("no folder")
+    program = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
+    environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path / "file" / "cache")}
+    for arguments in ("train clip.npz --out policy", "doctor"):
+        result = subprocess.run(
+            [*program, *arguments.split()], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        text = result.stderr if result.returncode == 2 else result.stdout
+        assert "WARP_CACHE_PATH" in text
+        assert str(tmp_path / "file" / "cache") in text
+    assert result.returncode == 1
+    assert result.stdout.splitlines()[-1] == "verdict: not ready"
+    assert not (tmp_path / "policy").exists()

@@ -4,14 +4,21 @@ import os
 import pty
 import select
 import shutil
+import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
+import pytest
+import rerun as rr
+from PIL import Image
+
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import FILE, read_reviews, standing_reviews
+from kine2go_warp.recordings.viewer import free_ports, stream_address
 
 PROGRAM = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 
@@ -209,3 +216,85 @@ def test_a_dataset_copied_without_its_recordings_makes_its_own(dataset_copy, tmp
     assert main(["review", str(other), "--save", "--trajectories", "1"]) == 0
     assert (other.parent / "recordings" / "dog_trot.rrd").is_file()
     assert capsys.readouterr().out.count("written") == 1
+
+
+def test_the_most_doubtful_are_shown_by_any_metric(dataset_copy, capsys):
+    (motion,) = [Motion(dataset_copy, "dog_trot")]
+    slip = {one.index: one.values["quality/foot_slip"] for one in motion.references()}
+    output = stepping(dataset_copy, "s\ns\n", "--by", "foot_slip", "--worst", "2")
+    assert shown_order(output) == sorted(slip, key=lambda index: -slip[index])[:2]
+    assert main(["review", str(dataset_copy), "--save", "--worst", "2", "--by", "foot_slip"]) == 0
+    assert "2 trajectories" in capsys.readouterr().out
+    assert "known are: largest_root_error" in failing(capsys, dataset_copy, "--by", "beauty", "--save")
+
+
+def test_the_rest_is_accepted_and_verdicts_are_listed_and_withdrawn(dataset_copy, capsys):
+    assert main(["review", str(dataset_copy), "--reject", "dog_trot/1", "--why", "drags\x1b[31m a leg"]) == 0
+    assert main(["review", str(dataset_copy), "--accept-rest", "--who", "Ada"]) == 0
+    assert main(["review", str(dataset_copy), "--list"]) == 0
+    output = capsys.readouterr().out
+    assert "4 trajectories accepted, all that had no verdict" in output
+    assert "4 accepted, 1 rejected, 0 lapsed" in output
+    assert "drags\\x1b[31m a leg" in output
+    assert main(["review", str(dataset_copy), "--withdraw", "dog_trot/1", "dog_trot/3"]) == 0
+    assert "2 verdicts withdrawn" in capsys.readouterr().out
+    assert sorted(standing_reviews(Motion(dataset_copy, "dog_trot"))) == [0, 2, 4]
+    assert main(["review", str(dataset_copy), "--withdraw", "dog_trot"]) == 0
+    assert read_reviews(dataset_copy) == ()
+
+
+def test_one_key_accepts_all_that_follow_if_that_is_meant(dataset_copy):
+    output = stepping(dataset_copy, "r\nlimps\nt\nn\nt\ny\n")
+    assert "accept 4 trajectories? y/n" in output
+    assert "4 accepted, 1 rejected, 0 skipped, 0 not looked at" in output
+    assert len(standing_reviews(Motion(dataset_copy, "dog_trot"))) == 5
+
+
+def test_metrics_fit_a_narrow_terminal_at_words(dataset_copy, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    block = [line for line in stepping(dataset_copy, "q\n").splitlines()[1:] if line.startswith(" ")]
+    assert len(block) > 12
+    assert max(map(len, block)) <= 80
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_sheet_of_pictures_lies_beside_each_question(dataset_copy, tmp_path):
+    output = stepping(dataset_copy, "s\nq\n", "--sheets", str(tmp_path / "sheets"), "--worst", "2")
+    order = shown_order(output)
+    assert {path.name for path in (tmp_path / "sheets").iterdir()} == {f"dog_trot-{index:03d}.png" for index in order}
+    with Image.open(tmp_path / "sheets" / f"dog_trot-{order[0]:03d}.png") as sheet:
+        pixels = np.asarray(sheet).astype(int)
+    assert pixels.shape == (480, 1280, 3)
+    assert np.abs(pixels[60:200, :320] - pixels[60:200, 960:]).mean() > 0.5, "the robot has moved"
+
+
+def test_missing_data_are_refused_before_the_first_question(dataset_copy, capsys):
+    shutil.rmtree(dataset_copy / "dog_trot" / "joint_torque")
+    assert "joint_torque: data are missing" in failing(capsys, dataset_copy, "--step")
+
+
+def test_a_port_that_is_in_use_is_named(dataset_copy, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        message = failing(capsys, dataset_copy, "--web", "--trajectories", "1", "--port", str(port))
+    assert f"port {port} cannot be used" in message
+
+
+def test_the_viewer_follows_the_questions(dataset_copy):
+    """Each question is a recording of its own, with the rows of its trajectory."""
+    from kine2go_warp.dataset.limit_usage import limit_usages
+    from kine2go_warp.recordings.following import FollowingViewer
+
+    motion = Motion(dataset_copy, "dog_trot")
+    usages = list(limit_usages(motion, motion.references()))[:2]
+    server = rr.RecordingStream("listener", recording_id="listener")
+    server.serve_grpc(grpc_port=(port := free_ports(1)[0]))
+    viewer = FollowingViewer(stream_address(port))
+    names = []
+    for usage in usages:
+        viewer.show(motion, usage)
+        names.append(viewer._shown.get_recording_id())
+    viewer.close()
+    assert [name.split()[0] for name in names] == ["dog_trot/0", "dog_trot/1"]

@@ -1,4 +1,5 @@
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -67,3 +68,10 @@ def test_a_damaged_catalogue_is_refused_with_its_line(change, message):
     assert (entry.frames.start, entry.frames.end, entry.length, entry.rate) == (0, -1, 571, 60)
     with pytest.raises(CatalogueError, match=message):
         parse_catalogue(text.replace(*change), "catalogue.toml")
+
+
+def test_a_file_with_another_checksum_is_remarked_on():
+    entry = motion_named("dog_trot")
+    assert entry.file_remarks(entry.sha256) == ()
+    assert entry.file_remarks("0" * 64) == ("dog_trot.txt is not the catalogue's file (its checksum differs)",)
+    assert replace(entry, sha256="").file_remarks("0" * 64) == ()

@@ -13,9 +13,15 @@ from kine2go_warp.pipelines.job import Job
 from kine2go_warp.pipelines.recipe import load_recipe
 from kine2go_warp.pipelines.workspace import Workspace
 from kine2go_warp.robots import GO2
-from tests.motions.sources.files import AI4ANIMATION, AI4ANIMATION_PARENTS, write_amp, write_bvh, write_pickle
+from tests.motions.sources.files import AI4ANIMATION, AI4ANIMATION_PARENTS, dog, write_amp, write_bvh, write_pickle
 
 NAMES = {name: name.replace("Left", "dog:L_").replace("Right", "dog:R_") for name in AI4ANIMATION}
+
+TABLE_NAMES = (
+    "pelvis",
+    "withers",
+    *(f"{part}_{side}" for part in ("shoulder", "thigh", "frontpaw", "hindpaw") for side in "lr"),
+)
 
 
 @pytest.fixture
@@ -133,3 +139,14 @@ def test_a_wrong_table_is_named(hound, change, message):
     hound.with_suffix(".toml").write_text(table.replace(*change))
     with pytest.raises((CatalogueError, ClipError), match=message):
         load_catalogue(hound.with_suffix(".toml"))["hound"].motion_source.load(hound)
+
+
+def test_a_table_whose_columns_are_named_in_another_way_is_measured(tmp_path):
+    points = dog(121)
+    columns = [f"{name}.{axis}" for name in TABLE_NAMES for axis in "xyz"]
+    rows = np.concatenate([np.arange(121)[:, None] / 60.0, 100.0 * points.reshape(121, -1)], axis=1)
+    np.savetxt(tmp_path / "amp.csv", rows, delimiter=",", header=",".join(["time", *columns]), comments="")
+    found = introduce(OwnFile(tmp_path / "amp.csv", ""), GO2)
+    assert found.source.name == "my_amp"
+    assert dict(found.lines())["axes"] == "centimetres, z up, right-handed"
+    np.testing.assert_allclose(found.motion.position, points, atol=1e-6)

@@ -1,11 +1,14 @@
 """The page in a real browser: no complaint, tables that sort by mouse and keyboard, light and dark."""
 
 import io
+import json
 import shutil
 
 import numpy as np
 import pytest
 from PIL import Image
+
+from kine2go_warp.reports.report import write_report
 
 pytestmark = pytest.mark.slow
 
@@ -42,6 +45,40 @@ def opened(browser, report):
     for page in pages:
         page.close()
     assert said == []
+
+
+@pytest.fixture(scope="module")
+def large(walks, tmp_path_factory):
+    """The report of 40 motions."""
+    folder = tmp_path_factory.mktemp("large")
+    for number in range(40):
+        shutil.copytree(walks / ("walk", "stroll")[number % 2], folder / "forty.zarr" / f"motion_{number:02d}")
+    root = json.loads((walks / "zarr.json").read_text())
+    root.pop("consolidated_metadata", None)
+    (folder / "forty.zarr" / "zarr.json").write_text(json.dumps(root))
+    write_report(folder / "forty.zarr", folder / "forty.html", pictures=False)
+    return folder / "forty.html"
+
+
+def test_forty_motions_have_an_index_that_filters_and_unfolds(browser, large):
+    said, page = [], browser.new_page(viewport={"width": 1280, "height": 900})
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(large.as_uri())
+    assert page.evaluate("document.documentElement.scrollHeight") < 20_000
+    assert page.locator("details.motion[open]").count() == 0
+    page.fill("#filter", "motion_1")
+    assert page.inner_text("#found") == "10 of 40 motions"
+    for shown in (".cards li:visible", "article:visible", "#scorecard tbody tr:visible"):
+        assert page.locator(shown).count() == 10
+    page.fill("#filter", "")
+    page.locator(".cards a").nth(3).click()
+    page.wait_for_selector("#motion-motion_03 details.motion[open]")
+    assert page.locator("details.motion[open]").count() == 1
+    page.set_viewport_size({"width": 360, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") == 360
+    assert said == []
+    page.close()
 
 
 def shown_motions(page):

@@ -5,7 +5,10 @@ import io
 import json
 import re
 import shutil
+from datetime import UTC, datetime
+from pathlib import Path
 
+import numpy as np
 import pytest
 import zarr
 from PIL import Image
@@ -13,6 +16,7 @@ from PIL import Image
 from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.errors import RenderError
+from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.renders import process
 from kine2go_warp.reports.report import default_path, write_report
 from kine2go_warp.reports.tables import HEADLINES
@@ -179,3 +183,27 @@ def test_the_figures_are_those_of_the_rows(page, walks):
     assert open_dataset(walks, include_rejected=True).load("walk").trajectories.draws["length"].tolist() == [60, 55, 60]
     row = next(row for row in page.tables["Scorecard"] if row[0].text == "walk")
     assert values_of(row)["joint_rmse"] == pytest.approx(0.02, rel=1e-4)
+
+
+def test_the_page_says_how_close_each_motion_came_to_the_limits(walks, tmp_path):
+    copy = Path(shutil.copytree(walks, tmp_path / "walks.zarr"))
+    stored = open_dataset(copy, include_rejected=True).load("walk").trajectories.groups["quality"]
+    largest = {name: float(np.nanmax(values)) for name, values in stored.items()}
+    limits = {limit.setting: 9.0 for limit in FILTER_METRICS}
+    limits |= {"max_joint_rmse": largest["joint_rmse"] / 0.9, "max_distance": largest["largest_root_error"] / 0.6}
+    attributes = zarr.open_group(copy / "walk", mode="a", use_consolidated=False).attrs
+    attributes.update({"gather_settings": json.dumps(limits)})
+    write_report(copy, tmp_path / "page.html", pictures=False)
+    page = Page((tmp_path / "page.html").read_text())
+    rows = {row[0].text: row for row in page.tables["Limits of walk"][1:]}
+    assert rows["joint RMSE"][5].text.strip() == "90%"
+    assert [rows[name][6].text for name in ("joint RMSE", "root distance")] == ["close", "fair"]
+    assert float(rows["joint RMSE"][2].attributes["data-value"]) == pytest.approx(largest["joint_rmse"])
+    (card,) = [one for one in page.all("li") if one.get("data-motion") == "walk"]
+    assert card["data-mark"] == "close"
+    assert page.tables["Limits of walk"][1][0].text == "joint RMSE"
+
+
+def test_the_page_says_when_and_where_the_data_were_made(walks, report):
+    changed = datetime.fromtimestamp((walks / "zarr.json").stat().st_mtime, UTC)
+    assert f"Data of {changed:%Y-%m-%d %H:%M} UTC, at {walks}" in report.read_text()

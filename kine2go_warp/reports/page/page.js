@@ -19,3 +19,39 @@ for (const table of document.querySelectorAll("table.sortable")) {
     });
   });
 }
+
+// The pictures of the index are those of the motions, so that each is in the page once.
+for (const thumb of document.querySelectorAll(".thumb")) {
+  const shots = document.getElementById(thumb.dataset.from).querySelectorAll("img");
+  if (shots.length) thumb.style.backgroundImage = `url("${shots[Math.floor(shots.length / 2)].src}")`;
+  else thumb.remove();
+}
+
+// Shows the motions whose names hold a text and, if that is wanted, which came close to a limit.
+const [text, doubtful, found] = ["filter", "doubtful", "found"].map((name) => document.getElementById(name));
+const cards = [...document.querySelectorAll(".cards > li")];
+function filter() {
+  const wanted = new Set(
+    cards
+      .filter((card) => card.dataset.motion.toLowerCase().includes(text.value.trim().toLowerCase()))
+      .filter((card) => !doubtful.checked || ["close", "over"].includes(card.dataset.mark))
+      .map((card) => card.dataset.motion),
+  );
+  for (const one of document.querySelectorAll("[data-motion]")) one.hidden = !wanted.has(one.dataset.motion);
+  for (const row of document.querySelectorAll("table.sortable tbody tr")) row.hidden = !wanted.has(row.cells[0].textContent);
+  found.textContent = `${wanted.size} of ${cards.length} motions`;
+}
+text.addEventListener("input", filter);
+doubtful.addEventListener("change", filter);
+document.querySelector(".filter").hidden = cards.length < 2;
+
+// A link to a motion unfolds it.
+function unfold() {
+  const part = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const folded = part && part.querySelector("details.motion");
+  if (!folded) return;
+  folded.open = true;
+  part.scrollIntoView();
+}
+addEventListener("hashchange", unfold);
+unfold();

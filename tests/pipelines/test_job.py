@@ -1,0 +1,32 @@
+"""How far a stage is, and how long the rest takes."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from kine2go_warp.pipelines import job
+from kine2go_warp.pipelines.job import Monitor, read_progress
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(job.time, "monotonic", lambda: now.seconds)
+    return now
+
+
+def test_the_time_left_is_that_of_the_steps_without_what_came_before(clock, tmp_path):
+    """A minute of compilation and 40 steps of an earlier run: 2 s a step from then on."""
+    folder = SimpleNamespace(
+        progress=lambda motion: tmp_path / f"{motion}.json", stop_file=tmp_path / "stop", log=lambda _: tmp_path / "log"
+    )
+    monitor = Monitor(SimpleNamespace(workspace=folder, motion="walk"), "train")  # type: ignore[arg-type]
+    left = []
+    for seconds, done in ((60.0, 41), (2.0, 42), (2.0, 43), (2.0, 44)):
+        clock.seconds += seconds
+        monitor.advanced(done, 100, "")
+        note = read_progress(Path(tmp_path / "walk.json"))
+        assert note is not None
+        left.append(note.seconds_left)
+    assert left == [None, 116.0, 114.0, 112.0]
