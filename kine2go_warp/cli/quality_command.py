@@ -37,7 +37,7 @@ class Quality:
         found = {name: distributions(self.dataset, name) for name in names}
         for name, metrics in found.items():
             print_distributions(name, metrics, dataset.motion(name).attributes)
-            print(f"coverage: {measure_coverage(dataset.load(name))}")
+            say(f"coverage: {measure_coverage(dataset.load(name))}")
         for note in (review_note(dataset, self.motions), check_note(self.dataset, names)):
             if note:
                 say(f"{self.dataset}: {note}")
