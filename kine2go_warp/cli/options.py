@@ -158,7 +158,7 @@ def optional(info: tyro.constructors.PrimitiveTypeInfo) -> Any:
     inner = tyro.constructors.ConstructorRegistry.get_primitive_spec(
         tyro.constructors.PrimitiveTypeInfo.make(kinds[0], info.markers)
     )
-    if not isinstance(inner, tyro.constructors.PrimitiveConstructorSpec) or inner.nargs != 1 or inner.choices:
+    if not isinstance(inner, tyro.constructors.PrimitiveConstructorSpec) or inner.nargs == "*" or inner.choices:
         return None
     return replace(
         inner,

@@ -21,7 +21,7 @@ def test_a_clean_dataset_ends_with_status_0(dataset_copy, capsys):
     assert main(["check", str(dataset_copy)]) == 0
     output = capsys.readouterr().out
     assert "forward kinematics" in output
-    assert "clean; 71 checks hold, 0 do not" in output
+    assert "clean; 72 checks hold, 0 do not" in output
     assert main(["check", str(dataset_copy), "dog_trot"]) == 0
 
 
@@ -235,4 +235,4 @@ def test_other_commands_say_what_check_found_in_this_content(dataset_copy, tmp_p
 
 def test_physics_is_checked_on_request(dataset_copy, capsys):
     assert main(["check", str(dataset_copy), "--physics"]) == 0
-    assert "clean; 72 checks hold, 0 do not" in capsys.readouterr().out
+    assert "clean; 73 checks hold, 0 do not" in capsys.readouterr().out

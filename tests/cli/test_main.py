@@ -135,7 +135,7 @@ BAD_INPUT = {
     "wrong recipe": ("run wrong.toml", "unknown key"),
     "recipe without data": ("run smoke", "--data"),
     "cycles of nothing": ("cycles dog.txt", "no such motion file"),
-    "cycles of an unknown source": ("cycles dog.txt --source cat", "known are: ai4animation, solo8, vhdc"),
+    "cycles of an unknown source": ("cycles dog.txt --source cat", "known are: ai4animation, ai4animation_bvh, amp"),
     "cycles of a wrong length": ("cycles dog.txt --shortest 2 --longest 1", "shortest <= longest"),
     "fetch from nowhere": ("sources fetch", "needs --url"),
     "sources of an unknown motion": ("sources check wolf", "unknown motion"),

@@ -53,7 +53,7 @@ def test_a_preset_of_ones_own_comes_from_a_file(capsys, tmp_path):
         (["--config", "low.toml"], "low.toml, line 2, [train.ppo]: iterations is -2; it must be from 1 to"),
         (["--config", "none.toml"], "none.toml: no such file"),
         (["--iterations", "-2"], "iterations is -2; it must be from 1 to 1,000,000,000"),
-        (["--env.motor.stiffness", "nan"], "stiffness is nan"),
+        (["--env.motor.stiffness", "nan"], "'nan' is not finite"),
         (["--terrain", "holes"], "'env.terrain.kind' is \"holes\"; allowed are: flat, waves, steps, slopes"),
     ],
 )  # fmt: skip
