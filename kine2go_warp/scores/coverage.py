@@ -31,6 +31,8 @@ class Coverage:
     """The same to the nearest other cycle of its own [rad]; NaN where there is none."""
 
     def __str__(self) -> str:
+        if not math.isfinite(self.variance_share):
+            return "not measured, since the phase of no trajectory goes on"
         found = (("another trajectory", self.across), ("the same one", self.within))
         nearest = [f"{whose} {value:.4f} rad" for whose, value in found if math.isfinite(value)]
         share = f"{100.0 * self.variance_share:.1f} % of the joints' variance is around the cycle"
@@ -42,6 +44,7 @@ def measure_coverage(data: MotionData) -> Coverage:
 
     Distances are root mean squares over the joints. ``across`` compares each trajectory with the next one alone, so
     that it has about as many cycles to choose from as ``within``: where both are alike, one longer rollout would do.
+    Trajectories whose phase does not go on are left out.
     """
     draws, rows = data.trajectories.draws, data.trajectories.rows
     places, signs = mirrored(("joint",), "angle")
@@ -49,7 +52,7 @@ def measure_coverage(data: MotionData) -> Coverage:
     joints = np.where(draws["mirrored"][:, None, None] > 0, joints[..., list(places)] * signs, joints)
     turns = rows["cycle"].astype(np.float64) + rows["phase"]
     each = [(turns[index, :length], joints[index, :length]) for index, length in enumerate(draws["length"])]
-    each = [one for one in each if len(one[0]) > 3]
+    each = [one for one in each if len(one[0]) > 3 and np.diff(one[0]).min() > 0.0]
     if not each:
         return Coverage(math.nan, math.nan, math.nan)
     cycle_rows = 1.0 / float(np.median(np.concatenate([np.diff(one[0]) for one in each])))

@@ -103,6 +103,7 @@ def test_score_report_quality_and_summary_agree(reviewed, tmp_path, capsys):
     assert main(["quality", str(reviewed)]) == 0
     output = capsys.readouterr().out
     assert "walk: 2 accepted rollouts" in output
+    assert "coverage: not measured" in output  # the phase of these generated rows stands still
     assert "left out 1 of 6 trajectories, rejected in a review" in output
 
     summary = next(one for one in summarise(reviewed) if one.motion == "walk")
