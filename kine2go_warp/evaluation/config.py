@@ -41,7 +41,7 @@ class EvalConfig:
             Kine2GoError: a value is outside.
         """
         check_ranges(self, worlds=(1, 1_000_000), seconds=(0.1, 3600), seed=(0, 2**31 - 1))
-        check_ranges(self, max_distance=(1e-3, 1e3), max_angle=(1e-3, np.pi))
+        check_ranges(self, max_distance=(1e-6, 1e3), max_angle=(1e-6, np.pi))
 
     def rows(self, control_rate: float) -> int:
         """Return the length of a rollout [control steps]."""
