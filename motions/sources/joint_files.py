@@ -145,6 +145,8 @@ def read_arrays(path: Path) -> Rows:
             missing = [name for name in names if name not in data]
             if missing:
                 raise ClipError(f"{path}: lacks {', '.join(missing)}")
+            if not all(data[name].dtype.kind in "fiu" for name in names):
+                raise ClipError(f"{path}: an array holds something else than numbers")
             arrays = [np.asarray(data[name], np.float64) for name in names]
             header = json.loads(str(data["header"])) if "header" in data else {}
             rate = _rate(data, header, path)
@@ -161,11 +163,16 @@ def read_arrays(path: Path) -> Rows:
 
 def _rate(data: Any, header: dict[str, Any], path: Path) -> float:
     """Return the frame rate of an ``.npz`` [Hz]."""
-    if "time" in data and len(data["time"]) >= MINIMUM_FRAMES:
+    if "time" in data:
         time = np.asarray(data["time"], np.float64)
+        if time.ndim != 1 or len(time) < MINIMUM_FRAMES or not time[-1] > time[0]:
+            raise ClipError(f"{path}: its time stamps do not rise")
         return _checked_rate((len(time) - 1) / float(time[-1] - time[0]), path)
-    if "frame_duration" in header:
-        return _checked_rate(1.0 / float(header["frame_duration"]), path)
+    duration = header.get("frame_duration")
+    if isinstance(duration, int | float) and duration > 0.0:
+        return _checked_rate(1.0 / duration, path)
+    if duration is not None:
+        raise ClipError(f"{path}: a frame duration of {duration!r:.40}; it must be positive [s]")
     raise ClipError(f"{path}: tells no rate; it needs an array 'time' [s]")
 
 

@@ -27,6 +27,8 @@ ORDERS = tuple(tuple(order.split()) for order in ("FL FR RL RR", "FR FL RR RL", 
 """Orders of the legs that are tried where the file does not tell."""
 FITS = 0.03
 """Feet by the joints are this close to the file's own, but for a shift that all share, or it is another robot [m]."""
+LARGEST_ANGLE = 2.0 * np.pi
+"""No joint turns farther [rad]."""
 UPRIGHT = 0.5
 """The base's z axis points up by this much, in the median of the frames."""
 TRUNK_HALF_LENGTH = 0.1
@@ -108,7 +110,10 @@ class JointSource(MotionSource):
         joints = values.reshape(-1, 4, 3)[:, [order.index(leg) for leg in LEG_NAMES]] * self.dialect.sign
         if self.dialect.mirrored_hips:
             joints[:, [leg[1] == "R" for leg in LEG_NAMES], 0] *= -1.0
-        return (joints + self.dialect.offset).reshape(-1, 12)
+        found = (joints + self.dialect.offset).reshape(-1, 12)
+        if np.abs(found).max() > LARGEST_ANGLE:
+            raise ClipError(f"{path}: a joint at {np.abs(found).max():.4g} rad; are the file's angles in degrees?")
+        return found
 
     def fit(self, rows: Rows, path: Path) -> Fit:
         """Return whose joints a file has, by the file's own columns of feet where there are any.

@@ -119,6 +119,33 @@ def test_a_pickle_of_arrays_is_one_of_lists(tmp_path):
     np.testing.assert_array_equal(one.position, other.position)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joint_position": np.full((60, 12), "0.5")}, "holds something else than numbers"),
+        ({"joint_position": np.zeros((60, 8))}, r"joint_position \(60, 8\)"),
+        ({"joint_position": np.full((60, 12), -86.0)}, "are the file's angles in degrees"),
+        ({"root_orientation": np.zeros((60, 4))}, "frame 0: the orientation is no unit quaternion"),
+        ({"root_orientation": np.tile([0.5, 0.5, 0.5, 0.5], (60, 1))}, "does not stand upright"),
+        ({"time": np.zeros(60)}, "time stamps do not rise"),
+        ({"time": None}, "tells no rate"),
+        ({"time": None, "header": json.dumps({"frame_duration": 0})}, "a frame duration of 0"),
+        ({"root_position": None}, "lacks root_position"),
+    ],
+)
+def test_wrong_arrays_are_named(tmp_path, change, message):
+    position, orientation, joints, _ = robot()
+    arrays = {
+        "root_position": position,
+        "root_orientation": np.roll(orientation, 1, axis=1),
+        "joint_position": joints.reshape(-1, 12),
+        "time": np.arange(len(position)) / RATE,
+    } | change
+    np.savez(tmp_path / "walk.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(ClipError, match=message):
+        SOURCES["clip"].load(tmp_path / "walk.npz")
+
+
 @FUZZ
 @given(data=st.data())
 def test_damaged_json_is_read_or_refused(tmp_path, data):
