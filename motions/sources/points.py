@@ -1,6 +1,9 @@
 """Motions of named points: joints of a BVH skeleton, markers of a C3D file, columns of a table, arrays."""
 
+import importlib.util
 import io
+import subprocess
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +24,19 @@ from kine2go_warp.motions.sources.tables import read_bytes
 Array = NDArray[np.float64]
 
 LARGEST_COORDINATE = 1e6
+C3D_MARK = 0x50
+"""Second byte of a C3D file."""
+C3D_TIME = 30.0
+"""Longest time that reading one may take [s]."""
+C3D_READER = """
+import sys
+import ezc3d, numpy
+content = ezc3d.c3d(sys.argv[1])
+header = content["parameters"]["POINT"]
+labels = numpy.array([label.strip() for label in header["LABELS"]["value"]], dtype=str)
+points = numpy.asarray(content["data"]["points"], numpy.float64)[:3, : len(labels)]
+numpy.savez(sys.stdout.buffer, labels=labels, rate=float(header["RATE"]["value"][0]), points=points)
+"""
 AXES = {
     "x": ((1, 1.0), (2, 1.0), (0, 1.0)),
     "-x": ((1, 1.0), (2, -1.0), (0, -1.0)),
@@ -42,8 +58,6 @@ class NamedPoints:
     """Each of shape [num_frames, 3]; NaN where a point was not seen."""
     rate: float | None
     """Frames per second [Hz], where the file tells."""
-    unit: str = ""
-    """Where the file tells."""
 
 
 @dataclass(frozen=True)
@@ -119,24 +133,45 @@ def with_z_up(points: Array, up: str, left_handed: bool) -> Array:
 def read_c3d(path: Path) -> NamedPoints:
     """Read the markers of a C3D file.
 
+    A process of its own reads it: damaged files can crash ezc3d or keep it busy for ever.
+
     Raises:
         ClipError: the file is missing, or is no C3D file that can be read.
     """
-    read_bytes(path)
+    check_c3d(read_bytes(path), path)
     with named_extras():
-        import ezc3d
+        if importlib.util.find_spec("ezc3d") is None:
+            raise ModuleNotFoundError("No module named 'ezc3d'", name="ezc3d")
+    command = [sys.executable, "-c", C3D_READER, str(path)]
     try:
-        content = ezc3d.c3d(str(path))
-        header = content["parameters"]["POINT"]
-        labels = [str(label).strip() for label in header["LABELS"]["value"]]
-        rate = float(header["RATE"]["value"][0])
-        points = np.asarray(content["data"]["points"], np.float64)[:3, : len(labels)]
-        unit = str(next(iter(header.get("UNITS", {}).get("value", [])), ""))
-    except Exception as error:  # noqa: BLE001 - damaged files raise errors of many kinds
-        raise ClipError(f"{path}: not a C3D file that can be read ({error.__class__.__name__})") from None
+        done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=C3D_TIME, check=True)
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as data:
+            labels, rate, points = [str(label) for label in data["labels"]], float(data["rate"]), data["points"]
+    except (subprocess.SubprocessError, ValueError, OSError, EOFError, KeyError) as error:
+        raise ClipError(f"{path}: a C3D file that is damaged or cut off ({error.__class__.__name__})") from None
     if not 1.0 <= rate <= 1000.0:
         raise ClipError(f"{path}: a rate of {rate:g} Hz; 1 to 1000 Hz can be used")
-    return NamedPoints({label: points[:, index].T for index, label in enumerate(labels)}, rate, unit)
+    return NamedPoints({label: points[:, index].T for index, label in enumerate(labels)}, rate)
+
+
+def check_c3d(content: bytes, path: Path) -> None:
+    """Refuse a C3D file that ends before its data do.
+
+    Raises:
+        ClipError: it is no C3D file, or was cut off.
+    """
+    parameters = 512 * (content[0] - 1) if content else 0
+    if not 512 <= parameters < len(content) - 4 or content[1] != C3D_MARK:
+        raise ClipError(f"{path}: not a C3D file, or one that is damaged or cut off")
+    # Numbers of PDP-11s and of big-endian processors have their bytes in other orders; a sign says what the data are.
+    sign = {85: 13, 86: 12}.get(content[parameters + 3], 15)
+    order = "big" if sign == 12 else "little"
+    points, first, last, start = (int.from_bytes(content[place : place + 2], order) for place in (2, 6, 8, 16))
+    size = 4 * (4 if content[sign] & 0x80 else 2)
+    if last < first or 512 * (start - 1) + size * points * (last - first + 1) > len(content):
+        raise ClipError(
+            f"{path}: a C3D file that was cut off; it announces {points} points in {last - first + 1} frames"
+        )
 
 
 def read_columns(path: Path, dialect: PointsDialect) -> NamedPoints:

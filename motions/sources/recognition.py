@@ -9,12 +9,10 @@ from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.bvh import read_bvh
 from kine2go_warp.motions.sources.joints import READERS, JointSource
-from kine2go_warp.motions.sources.points import PointSource, read_c3d, read_parquet
+from kine2go_warp.motions.sources.points import C3D_MARK, PointSource, read_c3d, read_parquet
 from kine2go_warp.motions.sources.tables import is_number, read_bytes, read_lines
 
 PARQUET, PICKLE, ZIP = b"PAR1", b"\x80", b"PK\x03\x04"
-C3D_MARK = 0x50
-"""Second byte of a C3D file."""
 
 
 def recognise(

@@ -71,7 +71,7 @@ def test_a_change_of_anything_that_counts_is_noticed(dataset, tmp_path, name, ca
     [
         (["dog_trot", "9"], "has trajectories 0 to 3, not 9"),
         (["wolf"], "holds no motion 'wolf'"),
-        (["dog_trot", "--count", "0"], "count must be at least 1"),
+        (["dog_trot", "--count", "0"], "count is 0; it must be at least 1"),
     ],
 )
 def test_wrong_requests_are_refused_in_one_line(dataset, arguments, message, capsys):
