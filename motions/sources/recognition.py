@@ -137,8 +137,12 @@ SIDE = re.compile(r"(?i:left|right)|(?<![A-Za-z])[LRlr](?![a-z])|^[LR](?=[A-Z])"
 def guessed_points(names: Iterable[str]) -> dict[str, str]:
     """Return which of a file's points may be which keypoint; empty texts where no name says so.
 
-    Names are compared without sides and punctuation; of those that end in the same word the shortest is taken.
+    Our own names are taken as they are. Others are compared without sides and punctuation; of those that end in the
+    same word the shortest is taken.
     """
+    names = list(names)
+    if set(KEYPOINTS) <= set(names):
+        return {point: point for point in KEYPOINTS}
     plain = [(name, *_words(name)) for name in names]
 
     def find(side: str, words: tuple[str, ...]) -> str:
