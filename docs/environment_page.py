@@ -3,13 +3,17 @@
 ``uv run python docs/environment_page.py`` prints the page.
 """
 
-from collections.abc import Sequence
+import ast
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
+from pathlib import Path
 
 from kine2go_warp.env.config import EnvConfig, TerrainConfig
 from kine2go_warp.env.observations import observation_layout, observation_size, place_privileged
 from kine2go_warp.robots import GO2, RobotSpec
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS, LEG_JOINTS
+
+KERNELS = Path(__file__).resolve().parent.parent / "kernels"
 
 INTRODUCTION = """# The environment
 
@@ -90,7 +94,7 @@ PRESET = replace(
 `kine2go policy train CLIP --preset my_file.py:PRESET` trains with it. A kernel takes `(view, out, column)` and then the
 term's parameters by their names; it is launched over all worlds, and writes one value (a reward, before its weight) or
 as many as its `dims` have (an observation: `axis` 3, `joint` 12, `foot` 4) to `out[world, column]` and on; a
-termination writes 1 where the episode ends, else 0. `WorldView` (`kernels/world.py`) is all that it can read. A
+termination writes 1 where the episode ends, else 0. What it can read is in the tables below. A
 randomization term has no kernel: it names a parameter of the table below, draws from its range and scales, shifts or
 sets it, one draw a joint or one for all (`shared`). Other arrays of the model are out of its reach.
 
@@ -101,7 +105,54 @@ reasons of rejected rollouts follow. `gather` and `eval` keep your ends of episo
 and rotation, and draw what their own settings say; plain MuJoCo (`sim2sim`) knows the package's ends alone and names
 the others. The policy folder refers to your file by its path: keep the file where it is. `kine2go policy export` writes
 any policy, but the package's own controller knows the package's observations alone.
+
+- An observation of yours joins the history as the others do. Observations are computed after new episodes have begun:
+  where `done` is 1, states and reference are the new episode's, `joint_target` and `torque` may be the old one's.
+- `mirror` says which signs change when left and right change places: `scalar` none, `vector` that of y, `rotation`
+  those of x and z, `angle` that of the hip among a leg's three joints. Mirrored samples need it.
+- `formula` of a reward is its text in tables, parameters in braces; `maximum` its largest value before the weight.
+- TensorBoard has `Reward/NAME`, the mean of a step after the weight, and `Termination/NAME`.
 """
+
+
+def view_section() -> str:
+    """Return the tables of what a kernel may read."""
+    world, state = (KERNELS / name for name in ("world.py", "state.py"))
+    parts = {"view": (world, "WorldView"), "view.robot": (state, "RobotState")}
+    parts["view.reference"] = (KERNELS / "reference.py", "ReferenceState")
+    rows = [
+        (f"`{path}.{name}`", f"`{kind}`", text)
+        for path, (file, struct) in parts.items()
+        for name, kind, text in struct_fields(file, struct)
+    ]
+    functions = [
+        (f"`{call}`", file.stem, text) for file in (state, KERNELS / "kinematics.py") for call, text in calls(file)
+    ]
+    return f"""### What a kernel can read
+
+Suffixes name frames: `_w` world, `_b` base, `_h` the base's heading. Quaternions are (x, y, z, w) in kernels.
+
+{table(("field", "type", "meaning"), rows)}
+Functions for kernels, of `kine2go_warp.kernels.state` and `kine2go_warp.kernels.kinematics`:
+
+{table(("function", "module", "what it returns"), functions)}"""
+
+
+def struct_fields(file: Path, struct: str) -> Iterator[tuple[str, str, str]]:
+    """Yield name, type and docstring of the fields of a struct."""
+    (found,) = (one for one in ast.parse(file.read_text()).body if isinstance(one, ast.ClassDef) and one.name == struct)
+    for one, after in zip(found.body, [*found.body[1:], None], strict=True):
+        if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name):
+            value = after.value if isinstance(after, ast.Expr) else None
+            text = value.value if isinstance(value, ast.Constant) else ""
+            yield one.target.id, ast.unparse(one.annotation), " ".join(str(text).split()).replace("``", "`")
+
+
+def calls(file: Path) -> Iterator[tuple[str, str]]:
+    """Yield the signature of each Warp function of a file, and the first line of its docstring."""
+    for one in ast.parse(file.read_text()).body:
+        if isinstance(one, ast.FunctionDef) and any(ast.unparse(mark) == "wp.func" for mark in one.decorator_list):
+            yield f"{one.name}({ast.unparse(one.args)})", (ast.get_docstring(one) or "").partition("\n")[0]
 
 
 def environment_page(config: EnvConfig | None = None) -> str:
@@ -112,6 +163,7 @@ def environment_page(config: EnvConfig | None = None) -> str:
         observation_section(config),
         reward_section(config),
         EXTENSION,
+        view_section(),
         termination_section(config),
         reset_section(config),
         randomization_section(),
