@@ -1,4 +1,4 @@
-"""Motion files of one's own, which no catalogue names yet: what they are taken for, and the table to write for them."""
+"""Motion files that are not in a catalogue: which source reads them, and a table for a catalogue of one's own."""
 
 import json
 import re
@@ -38,7 +38,7 @@ LEAST_WAY = 0.1
 
 @dataclass(frozen=True)
 class OwnFile:
-    """What is told about a file that no catalogue names."""
+    """A motion file that is not in a catalogue, and its settings."""
 
     path: Path
     """The file; ``file.pt:K`` where its source wants that."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from kine2go_warp.errors import CatalogueError
+from kine2go_warp.errors import CatalogueError, Kine2GoError
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.motion import Motion
@@ -54,3 +54,14 @@ def check_data(motion: "Motion") -> None:
     """
     for _ in motion.read([one for one in motion.references() if one.length > 0][:1], None):
         pass
+
+
+def rate_in_hz(given: float | None) -> float:
+    """Return the frame rate that an option states [Hz], 0 if it is left out.
+
+    Raises:
+        Kine2GoError: no motion has such a rate.
+    """
+    if given is not None and not 1.0 <= given <= 1000.0:
+        raise Kine2GoError(f"--rate {given:g}: choose 1 to 1000 Hz")
+    return given or 0.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder
+from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder, rate_in_hz
 from kine2go_warp.cli.texts import printable, sentence
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
@@ -24,7 +24,7 @@ Positional = tyro.conf.Positional
 
 @dataclass(frozen=True)
 class OwnFileOptions:
-    """What is told about files that no catalogue names."""
+    """Options for motion files that are not in a catalogue."""
 
     source: str = ""
     """Which source reads a file of your own: one of the package or of --catalogue, or FILE.py:NAME; by default the one
@@ -44,13 +44,11 @@ class OwnFileOptions:
         """Return what a catalogue would say about a file."""
         from kine2go_warp.motions.own_file import OwnFile
 
-        if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
-            raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
         licence = self.licence
         if not licence and sys.stdin.isatty():
             licence = ask(f"Under which licence may {path.name} be used? ")
         return OwnFile(
-            path, licence, self.name, self.source, parsed_range(self.frames), self.rate or 0.0, self.citation
+            path, licence, self.name, self.source, parsed_range(self.frames), rate_in_hz(self.rate), self.citation
         ).entry(own)
 
 
@@ -214,9 +212,7 @@ class Cycles:
 
         if not 0.0 < self.shortest <= self.longest or self.count < 1:
             raise Kine2GoError("choose 0 < shortest <= longest and a count of at least 1")
-        if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
-            raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
-        source = OwnFile(self.file, "", source=self.source, rate=self.rate or 0.0).reader(self.catalogue)
+        source = OwnFile(self.file, "", source=self.source, rate=rate_in_hz(self.rate)).reader(self.catalogue)
         motion = source.load(self.file, self.rate)
         if self.rate is not None and abs(motion.rate / self.rate - 1.0) > 0.01:
             raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
@@ -305,7 +301,7 @@ def accepted_by_user() -> bool:
 
 
 def ask(question: str) -> str:
-    """Return what the user answers; nothing where there is nobody."""
+    """Return the answer to a question; an empty text where standard input is closed."""
     try:
         return input(question).strip()
     except EOFError:

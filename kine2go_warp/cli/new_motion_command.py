@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from kine2go_warp.cli.data import CatalogueFile, Robot
-from kine2go_warp.errors import CatalogueError, Kine2GoError
+from kine2go_warp.cli.data import CatalogueFile, Robot, rate_in_hz
+from kine2go_warp.errors import CatalogueError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
 
@@ -38,13 +38,12 @@ class NewMotion:
         from kine2go_warp.motions.report import draw_motion
         from kine2go_warp.robots import robot_named
 
-        if self.rate is not None and not 1.0 <= self.rate <= 1000.0:
-            raise Kine2GoError(f"--rate {self.rate:g}: choose 1 to 1000 Hz")
+        rate = rate_in_hz(self.rate)
         name = name_of(self.file)
         table = self.out or self.file.with_name(f"{name}.toml")
         if table.exists():
             raise CatalogueError(f"{table}: is there already; name another file with --out, or remove it")
-        file = OwnFile(self.file, "", source=self.source, rate=self.rate or 0.0)
+        file = OwnFile(self.file, "", source=self.source, rate=rate)
         found = introduce(file, robot_named(self.robot), self.catalogue)
         print_table(make_table(str(self.file), ("what", "taken for"), found.lines(), ("what", "taken for")))
         picture = table.with_suffix(".png")

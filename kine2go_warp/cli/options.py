@@ -1,4 +1,4 @@
-"""How options are read and explained: their names, their types, and what is said of wrong ones."""
+"""Parsing of options, their help, and the error messages for wrong ones."""
 
 import contextlib
 import io

@@ -57,7 +57,7 @@ class Progress:
         self.label = ""
         self.last_line = 0.0
         self.opening = threading.Timer(0.0, print)
-        """Says without a terminal that a stage has begun, unless something else is said before."""
+        """Prints, where there is no terminal, that a stage has started, unless other output comes first."""
 
     def __enter__(self) -> "Progress":
         self.live.start()
@@ -78,7 +78,7 @@ class Progress:
         if self.console.is_terminal:
             self.task = self.live.add_task(self.label, total=None, detail=note)
         else:
-            # Not at once: what is wrong with the input is found in the first seconds, and is all that is said then.
+            # Delayed, so that an error in the input, which is found in the first seconds, stays the only line.
             self.opening = threading.Timer(PLAIN_INTERVAL, self._line, [f"{self.label}: {note or 'started'}"])
             self.opening.daemon = True
             self.opening.start()

@@ -20,7 +20,7 @@ WIDEST = 160
 
 
 class Views:
-    """Shows trajectories; a view that fails is told once and left out, for the verdicts matter more."""
+    """Shows trajectories. A view that fails is reported once and then left out; the review goes on without it."""
 
     def __init__(self, viewer: "FollowingViewer | None" = None, sheets: Path | None = None) -> None:
         """Prepare.

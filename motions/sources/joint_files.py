@@ -96,7 +96,7 @@ def read_pickle(path: Path) -> Rows:
 
 
 class _Plain(pickle.Unpickler):
-    """Builds lists, dictionaries, texts and numbers, and NumPy's arrays of numbers; everything else is an attack."""
+    """Builds lists, dictionaries, texts and numbers, and NumPy's arrays of numbers; anything else is refused."""
 
     ALLOWED: ClassVar[dict[tuple[str, str], Any]] = {
         ("numpy", "dtype"): np.dtype,

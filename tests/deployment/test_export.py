@@ -78,7 +78,7 @@ def test_the_page_has_every_row_and_every_joint(exported):
 
 
 def test_the_page_says_which_sdk_motor_each_output_goes_to(exported):
-    """Unitree numbers the motors FR, FL, RR, RL, each hip, thigh, calf; the policy's order is FL, FR, RL, RR."""
+    """Case sdk-order-on-the-page: Unitree numbers the motors FR, FL, RR, RL, the policy its joints FL, FR, RL, RR."""
     page = (exported / "README.md").read_text().splitlines()
     table = {
         row.split("|")[1].strip(" `"): [cell.strip() for cell in row.split("|")[2:-1]]

@@ -22,14 +22,14 @@ MAX_TRAJECTORIES = 4
 """Trajectories on which mistakes are tried out."""
 
 ORDERED = {"joint": "joints", "foot": "feet"}
-"""Dimensions whose order may be wrong, and what is said of them."""
+"""Dimensions whose order may be wrong, and the diagnosis of each."""
 
 SHIFTS = {
     sign * rows: f"{count} {'late' if sign > 0 else 'early'}"
     for rows, count in ((1, "one row"), (2, "two rows"), (3, "three rows"))
     for sign in (1, -1)
 }
-"""Rows by which commands may be moved, other arrays by one, and what is said of them."""
+"""Rows by which commands may be shifted, other arrays by one, and the diagnosis of each."""
 
 COMMANDS = ("action", "action_mean", "joint_target")
 
