@@ -39,6 +39,8 @@ class KeypointMotion:
     """What was repaired in the file."""
     notes: tuple[str, ...] = ()
     """What the file was taken for."""
+    foot_radius: float = float("nan")
+    """Of the balls whose centres the toes are [m]; NaN for an animal."""
 
     def __post_init__(self) -> None:
         if self.position.shape != (len(self.time), len(KEYPOINTS), 3):
@@ -104,7 +106,7 @@ class KeypointMotion:
 
     def scaled(self, factor: float) -> "KeypointMotion":
         """Return the motion of an animal ``factor`` times as large."""
-        return replace(self, position=self.position * factor)
+        return replace(self, position=self.position * factor, foot_radius=self.foot_radius * factor)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.errors import RenderError
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.motions.catalogue import motion_named
 from kine2go_warp.motions.clip import MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
@@ -32,6 +31,7 @@ from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import MILD, GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.quality import filter_rollouts
+from kine2go_warp.training.train import train
 from tests.walks import write_walks
 
 REPOSITORY = Path(__file__).parent.parent
