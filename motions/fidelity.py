@@ -119,15 +119,18 @@ class Fidelity:
         return cls(**{name: float("nan") if value is None else float(value) for name, value in content.items()})
 
 
-def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fidelity:
-    """Return the figures of a clip.
+def measure(
+    clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec, frames: tuple[int, int] | None = None
+) -> Fidelity:
+    """Return the figures of a clip; those of a seam are NaN if it is played once.
 
     Args:
-        clip: The clip; its origin says which frames of the motion it was made from.
+        clip: The clip.
         motion: The whole motion, scaled to the robot's size.
         spec: The robot.
+        frames: Of the motion, first and the one after the last, that the clip was made from; by default its origin's.
     """
-    start, end = clip.origin.start, clip.origin.end
+    start, end = frames or (clip.origin.start, clip.origin.end)
     step = 1.0 / motion.rate
     margin = round(CONTEXT / step)
     before = min(margin, start)
@@ -149,7 +152,7 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
     trunk = 0.5 * (near.point("pelvis") + near.point("neck"))
     slip = floor_speeds(clip, feet[margin - 1 : margin + clip.num_frames + 1], rotation, poses.joints, margin, spec)
     accelerations = horizontal_acceleration(poses.root_position, clip.frame_duration)[middle]
-    at_seam = near_seam(clip.num_frames, clip.frame_duration)
+    at_seam = near_seam(clip.num_frames, clip.frame_duration) & (clip.cycle is not None)
     knees = clip.joint_position[:, 2::3]
     flying = np.all(~clip_contact, axis=1)
     return Fidelity(
@@ -159,10 +162,11 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
         duty=float(clip_contact.mean() - contact.mean()),
         height_correlation=correlation(clip.root_position[:, 2], trunk[within, 2]),
         base_dip=dip(clip.root_position[:, 2], trunk[within, 2]),
-        seam_acceleration=float(accelerations[at_seam].max()),
+        seam_acceleration=float(accelerations[at_seam].max()) if at_seam.any() else float("nan"),
         other_acceleration=float(np.quantile(accelerations[~at_seam], 0.99)) if np.any(~at_seam) else float("nan"),
-        animal_acceleration=animal_acceleration(trunk, within, step) * (step / clip.frame_duration) ** 2,
-        seam_shift=seam_shift(near, before, before + end - start),
+        animal_acceleration=nan_if_once(clip, animal_acceleration(trunk, within, step))
+        * (step / clip.frame_duration) ** 2,
+        seam_shift=nan_if_once(clip, seam_shift(near, before, before + end - start)),
         contact_slip=float(slip.mean()) if slip.size else 0.0,
         contact_slip_95=float(np.quantile(slip, 0.95)) if slip.size else 0.0,
         penetration=float(max(-bottom.min(), 0.0)),
@@ -175,6 +179,11 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
         standing_speed=standing_speed(feet[middle], step),
         source_penetration=float(np.maximum(motion.foot_radius - toes[within][..., 2].min(), 0.0)),
     )
+
+
+def nan_if_once(clip: "MotionClip", value: float) -> float:
+    """Return a figure of the seam, or NaN for a clip that has none."""
+    return value if clip.cycle is not None else float("nan")
 
 
 def contacts_by_speed(points: Array, step: float) -> Mask:
