@@ -178,12 +178,24 @@ def parse(name: str, arguments: list[str]) -> "Command":
 
 def every_command() -> Any:
     """Return all commands as one type, from which tyro writes the completions of a shell."""
-    from typing import Annotated, Union
+    from dataclasses import make_dataclass
+    from typing import Annotated, Literal, Union
 
     import tyro
 
+    from kine2go_warp.motions.catalogue import load_catalogue
+
+    known: Any = Literal[tuple(load_catalogue())]
+
+    def completed(name: str) -> type[Any]:
+        kind = imported(name)
+        if name != "run":
+            return kind
+        # Values of options are completed, arguments without a name are not.
+        return make_dataclass(kind.__name__, [("motions", tuple[known, ...], ())], bases=(kind,), frozen=True)
+
     def union(names: dict[str, str]) -> Any:
-        kinds = [Annotated[imported(full), tyro.conf.subcommand(short)] for short, full in names.items()]
+        kinds = [Annotated[completed(full), tyro.conf.subcommand(short)] for short, full in names.items()]
         return Union[tuple(kinds)]  # noqa: UP007 - of a number of types that is not written here
 
     groups = []

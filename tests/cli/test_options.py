@@ -1,5 +1,7 @@
 """Options: what help says of them, and one line for each that is wrong."""
 
+import subprocess
+
 import pytest
 
 from kine2go_warp.cli.main import COMMANDS, find_command, imported, main, parse, report
@@ -103,3 +105,19 @@ def test_commands_in_messages_work_after_uv_run(capsys, monkeypatch):
     assert plain.endswith("'kine2go policy train'")
     assert run.endswith("'uv run kine2go policy train'")
     assert "uv run kine2go demo" in captured.out
+
+
+def test_the_shell_completes_commands_options_and_names_of_motions(capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        main(["--tyro-print-completion", "bash"])
+    script = tmp_path / "completion.sh"
+    script.write_text(capsys.readouterr().out)
+
+    def completed(*words):
+        asked = f"source {script}; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _tyro_kine2go"
+        done = subprocess.run(["bash", "-c", f'{asked}; echo "${{COMPREPLY[@]}}"'], capture_output=True, text=True)
+        return done.stdout.split()
+
+    assert completed("kine2go", "dataset", "gat") == ["gather"]
+    assert "--trajectories" in completed("kine2go", "run", "demo", "--traj")
+    assert completed("kine2go", "run", "demo", "--motions", "ai4_dog_can") == ["ai4_dog_canter"]
