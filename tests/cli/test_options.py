@@ -115,8 +115,8 @@ def test_the_shell_completes_commands_options_and_names_of_motions(capsys, tmp_p
 
     def completed(*words):
         asked = f"source {script}; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _tyro_kine2go"
-        done = subprocess.run(["bash", "-c", f'{asked}; echo "${{COMPREPLY[@]}}"'], capture_output=True, text=True)
-        return done.stdout.split()
+        command = ["bash", "-c", f'{asked}; echo "${{COMPREPLY[@]}}"']
+        return subprocess.check_output(command, text=True).split()
 
     assert completed("kine2go", "dataset", "gat") == ["gather"]
     assert "--trajectories" in completed("kine2go", "run", "demo", "--traj")
