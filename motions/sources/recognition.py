@@ -115,10 +115,10 @@ def names_in(path: Path, format_: str) -> list[str]:
 
 HIPS = {
     "F": ("shoulder", "clav", "clavicle", "scapula", "upperarm", "humerus", "arm"),
-    "R": ("upleg", "legupper", "upperleg", "thigh", "hip", "femur"),
+    "R": ("upleg", "legupper", "upperleg", "thigh", "hip", "femur", "leg"),
 }
 TOES = {
-    "F": ("handsite", "finger", "fronttoe", "forepaw", "frontpaw", "frontfoot", "hand", "wrist"),
+    "F": ("handsite", "finger", "fronttoe", "forepaw", "frontpaw", "frontfoot", "hand", "wrist", "paw"),
     "R": ("footsite", "toe", "hindtoe", "hindpaw", "rearpaw", "hindfoot", "rearfoot", "foot", "ankle"),
 }
 TRUNK = {
@@ -126,7 +126,7 @@ TRUNK = {
     "neck": ("neck", "neck1", "withers", "spine3", "chest"),
 }
 """Words for the keypoints in other people's names, likelier ones first."""
-SIDE = re.compile(r"(?i:left|right)|(?<![A-Za-z])[LRlr](?![a-z])|^[LR](?=[A-Z])")
+SIDE = re.compile(r"(?i:left|right)|(?<![A-Za-z])[LRlr](?![a-z])|^[LR](?=[A-Z])|(?<=[a-z])[LR]$")
 
 
 def guessed_points(names: Iterable[str]) -> dict[str, str]:

@@ -123,5 +123,7 @@ def test_points_are_guessed_by_their_names():
     ]
     guessed = guessed_points([*other, "HindPaw.L", "HindPaw.R", "jaw", "tail"])
     assert dict(zip(KEYPOINTS, [*other, "HindPaw.L", "HindPaw.R"], strict=True)) == guessed
+    short = ["Root", "Chest", "ArmL", "ArmR", "LegL", "LegR", "PawL", "PawR", "HindPawL", "HindPawR"]
+    assert list(guessed_points(sorted(short)).values()) == short
     assert guessed_points(["a", "b"])["neck"] == ""
     assert guessed_points(["tail", *KEYPOINTS]) == {name: name for name in KEYPOINTS}
