@@ -6,5 +6,5 @@ Inside kernels quaternions are ``wp.quat`` (x, y, z, w), as in Newton. Frame suf
 
 import warp as wp
 
-# Nothing here is differentiated; leaving the adjoint code out halves the compile time.
-wp.set_module_options({"enable_backward": False})
+# Nothing is differentiated, here or in Newton. Modules take this as they are made: before Newton is imported.
+wp.config.enable_backward = False

@@ -4,8 +4,6 @@ import warp as wp
 
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at, interpolate_joint
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class MotorModel:

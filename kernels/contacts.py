@@ -2,8 +2,6 @@
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
-
 vec5 = wp.types.vector(length=5, dtype=wp.float32)
 
 ROLE_IGNORED = wp.constant(-1)

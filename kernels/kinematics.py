@@ -13,8 +13,6 @@ from kine2go_warp.kernels.state import (
     root_position,
 )
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class LegGeometry:

@@ -4,8 +4,6 @@ import warp as wp
 
 from kine2go_warp.kernels.actuation import MotorModel, available_torque, delayed_slot
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class StepLoads:

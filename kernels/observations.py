@@ -22,8 +22,6 @@ from kine2go_warp.kernels.state import (
 from kine2go_warp.kernels.terrain import ground_height
 from kine2go_warp.kernels.world import WorldView
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.func
 def write_vector(out: wp.array2d(dtype=float), world: int, first: int, vector: wp.vec3):

@@ -8,8 +8,6 @@ import warp as wp
 
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, turns_at, whole_cycles
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class PhaseTable:

@@ -6,8 +6,6 @@ from kine2go_warp.kernels.resets import random_stream
 from kine2go_warp.kernels.state import RobotState
 from kine2go_warp.kernels.world import BaseBody, WorldView
 
-wp.set_module_options({"enable_backward": False})
-
 SCALE = wp.constant(0)
 ADD = wp.constant(1)
 SET = wp.constant(2)

@@ -14,8 +14,6 @@ from kine2go_warp.kernels.state import (
     root_position,
 )
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.kernel
 def record_root(

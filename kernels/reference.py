@@ -11,8 +11,6 @@ from kine2go_warp.kernels.rotations import rotate_planar, slerp, yaw_rotation
 from kine2go_warp.kernels.state import NUM_JOINTS
 from kine2go_warp.kernels.terrain import Terrain, reference_climb, reference_lift
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class ReferenceClips:

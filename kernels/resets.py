@@ -26,8 +26,6 @@ from kine2go_warp.kernels.state import (
 from kine2go_warp.kernels.terrain import Terrain, ground_height
 from kine2go_warp.kernels.world import WorldView
 
-wp.set_module_options({"enable_backward": False})
-
 FOOT_CLEARANCE = wp.constant(1e-5)
 """Height of the lowest foot above the ground [m]: exactly on it, rounding would decide whether it touches at once."""
 

@@ -23,8 +23,6 @@ from kine2go_warp.kernels.state import (
 )
 from kine2go_warp.kernels.world import WorldView
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.func
 def joint_position_error(robot: RobotState, reference: ReferenceState, world: int) -> float:

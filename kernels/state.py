@@ -2,8 +2,6 @@
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
-
 NUM_LEGS = wp.constant(4)
 NUM_JOINTS = wp.constant(12)
 NUM_COORDINATES = wp.constant(19)

@@ -10,8 +10,6 @@ from kine2go_warp.kernels.rotations import rotation_angle
 from kine2go_warp.kernels.state import is_finite, root_orientation, root_position
 from kine2go_warp.kernels.world import WorldView
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.func
 def annealed_limit(view: WorldView, world: int, limit: float) -> float:

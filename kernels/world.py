@@ -7,8 +7,6 @@ from kine2go_warp.kernels.kinematics import LegGeometry
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState
 from kine2go_warp.kernels.state import RobotState
 
-wp.set_module_options({"enable_backward": False})
-
 
 @wp.struct
 class BaseBody:

@@ -19,25 +19,19 @@ STAND = replace(DogGait(), phases=(0.0, 0.0, 0.0, 0.0), stride_frames=100_000, s
 COLUMNS = [COLUMN_OF_KEYPOINT[name] for name in KEYPOINTS]
 TRUNK, TOES = slice(0, 6), slice(6, 10)
 """Keypoints that move with the trunk, and the toes."""
-NAMES = dict(
-    zip(
-        KEYPOINTS,
-        ["Root", "Chest", "ArmL", "ArmR", "LegL", "LegR", "PawL", "PawR", "HindPawL", "HindPawR"],
-        strict=True,
-    )
-)
+SKELETON = ("Root", "Chest", "ArmL", "ArmR", "LegL", "LegR", "PawL", "PawR", "HindPawL", "HindPawR")
+"""What the hound's skeleton calls the keypoints."""
 PARENTS = {
     "Chest": "Root", "ArmL": "Chest", "ArmR": "Chest", "LegL": "Root", "LegR": "Root",
     "PawL": "ArmL", "PawR": "ArmR", "HindPawL": "LegL", "HindPawR": "LegR",
 }  # fmt: skip
-ORDER = ("Root", "Chest", "ArmL", "PawL", "ArmR", "PawR", "LegL", "HindPawL", "LegR", "HindPawR")
 
 
 def write_hound(path):
     """A dog that trots in a wide circle, as a BVH skeleton with names of its own."""
     points = generate(DogGait(stride_frames=28, speed=0.9, turn_rate=0.3), 120).points
-    named = {NAMES[name]: points[:, COLUMN_OF_KEYPOINT[name]] for name in KEYPOINTS}
-    return write_bvh(path, {name: named[name] for name in ORDER}, PARENTS)
+    named = {ours: points[:, column] for ours, column in zip(SKELETON, COLUMNS, strict=True)}
+    return write_bvh(path, named, PARENTS)
 
 
 def write_pace(path):
