@@ -26,12 +26,56 @@ def choose_device(name: str | None) -> str:
 
     start_warp()
     known = [device.alias for device in wp.get_devices()]
+    too_old = driver_too_old()
     if name is None:
+        if too_old:
+            print_note(f"{too_old}; using the CPU")
         return "cuda:0" if wp.is_cuda_available() else "cpu"
     name = "cuda:0" if name == "cuda" else name
     if name not in known:
-        raise Kine2GoError(f"no device '{name}' on this machine; there is: {', '.join(known)}")
+        raise Kine2GoError(
+            f"no device '{name}' on this machine; there is: {', '.join(known)}" + (too_old and f"; {too_old}")
+        )
     return name
+
+
+def is_here(name: str) -> bool:
+    """Return whether this machine has a device."""
+    import warp as wp
+
+    start_warp()
+    return name in [device.alias for device in wp.get_devices()]
+
+
+def driver_too_old() -> str:
+    """Return in a sentence that this machine's NVIDIA driver is older than Warp needs; empty if it is not."""
+    import warp as wp
+
+    driver, toolkit = wp.get_cuda_driver_version(), wp.get_cuda_toolkit_version()
+    # Any driver of the toolkit's major version will do.
+    if driver is None or toolkit is None or driver >= (toolkit[0], 0):
+        return ""
+    return (
+        f"the NVIDIA driver supports CUDA {driver[0]}.{driver[1]}, and the installed Warp needs {toolkit[0]}.0: "
+        "update the driver, or install a Warp that was built with an older CUDA"
+    )
+
+
+@contextlib.contextmanager
+def fitting(num_worlds: int, device: str) -> Iterator[None]:
+    """Say how many worlds to try where a batch does not fit into the memory.
+
+    Raises:
+        Kine2GoError: the block has run out of memory.
+    """
+    try:
+        yield
+    except (RuntimeError, MemoryError) as error:
+        kind, text = error.__class__.__name__, str(error)
+        if kind not in ("OutOfMemoryError", "MemoryError") and not text.startswith("Failed to allocate"):
+            raise
+        fewer = f"try {num_worlds // 2}" if num_worlds > 1 else "free some"
+        raise Kine2GoError(f"{num_worlds} world(s) do not fit into the memory of {device}; {fewer}") from None
 
 
 def choose_processes(wanted: int | None, num_worlds: int, device: str) -> int:

@@ -15,7 +15,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from kine2go_warp.cli.texts import command_prefix, printable, sentence
-from kine2go_warp.device import start_warp
+from kine2go_warp.device import driver_too_old, start_warp
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
@@ -260,6 +260,8 @@ def print_machine() -> list[str]:
         rows += [(f"device {device.alias}", device.name) for device in wp.get_devices()]
         rows.append(("used by default", "cuda:0" if wp.is_cuda_available() else "cpu"))
         rows.append(("kernel cache", str(wp.config.kernel_cache_dir)))
+        if too_old := driver_too_old():
+            problems.append(too_old)
     except Kine2GoError as error:
         problems.append(str(error))
     print_table(make_table("software and devices", ("what", "version or name"), rows, ("what", "version or name")))

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from kine2go_warp.device import fitting
 from kine2go_warp.env.clips import make_reference_state, replace_clips
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.episodes import Episodes, EpisodeStart
@@ -59,12 +60,15 @@ class ImitationEnvironment:
             use_graph: Capture the step as one graph. Without it every kernel is launched from Python.
             first_world: Number of the first world: several environments may share the worlds of a larger one.
             record_loads: Whether ``simulation.loads`` are kept, which recording rollouts needs.
+
+        Raises:
+            Kine2GoError: the worlds do not fit into the device's memory.
         """
         self.device = wp.get_device(device)
         self.config = config = config.on(str(self.device))
         self.clips = tuple(clips)
         self.spec = spec = robot_of(self.clips) if spec is None else spec
-        with wp.ScopedDevice(self.device):
+        with wp.ScopedDevice(self.device), fitting(config.num_worlds, str(self.device)):
             ground = build_height_field(config.terrain, terrain_extent(clips, config))
             self.constants = SpecArrays.upload(spec, self.device)
             self.simulation = Simulation(spec, config, ground, self.device, record_loads)

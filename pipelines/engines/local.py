@@ -44,10 +44,13 @@ class LocalEngine:
 
         Args:
             num_workers: Stages run at once.
-            device: ``cpu``, or ``cuda:0`` for one GPU a worker.
+            device: ``cpu``, or the first of the GPUs, which the workers share among them in turn.
             log_folder: For what workers print.
         """
-        self.device, self._log_folder = device, log_folder
+        # Each worker sees one GPU, which is its first.
+        self.device = "cpu" if device == "cpu" else "cuda:0"
+        self._first_gpu = int(device.partition(":")[2] or 0)
+        self._log_folder = log_folder
         self._processes = max(1, len(os.sched_getaffinity(0)) // num_workers) if device == "cpu" else 1
         self._context = multiprocessing.get_context("spawn")
         self._workers: list[Worker | None] = [None] * num_workers
@@ -111,7 +114,7 @@ class LocalEngine:
         ours, theirs = self._context.Pipe()
         their_lifeline, our_lifeline = self._context.Pipe(duplex=False)
         self._log_folder.mkdir(parents=True, exist_ok=True)
-        gpu = number if self.device != "cpu" else None
+        gpu = None if self.device == "cpu" else visible_gpu(self._first_gpu + number, num_gpus())
         arguments = (theirs, their_lifeline, gpu, self._log_folder / f"worker-{number}.log")
         process = self._context.Process(target=serve, args=arguments, name=f"kine2go worker {number}")
         process.start()
@@ -127,14 +130,14 @@ class LocalEngine:
         worker.lifeline.close()
 
 
-def serve(connection: Connection, lifeline: Connection, gpu: int | None, log: Path) -> None:
+def serve(connection: Connection, lifeline: Connection, gpu: str | None, log: Path) -> None:
     """Run stages until the other end closes; runs in a process of its own."""
     # Ctrl-C reaches every process of the terminal; the one that runs the recipe decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=die_with, args=(lifeline,), daemon=True).start()
     redirect_output(log)
     if gpu is not None:
-        os.environ["CUDA_VISIBLE_DEVICES"] = visible_gpu(gpu)
+        os.environ["CUDA_VISIBLE_DEVICES"] = gpu
     import torch
 
     torch.set_num_threads(1)
@@ -162,19 +165,29 @@ def redirect_output(log: Path) -> None:
     os.close(descriptor)
 
 
-def visible_gpu(number: int) -> str:
-    """Return the name of one of the GPUs that this process may use, as ``CUDA_VISIBLE_DEVICES`` has it."""
+def visible_gpu(number: int, count: int) -> str:
+    """Return the name of one of the GPUs that this process may use, as ``CUDA_VISIBLE_DEVICES`` has it.
+
+    Args:
+        number: Of the worker; beyond the last GPU it begins with the first again.
+        count: How many GPUs this process sees.
+    """
     visible = os.environ.get("CUDA_VISIBLE_DEVICES")
     names = [name.strip() for name in visible.split(",") if name.strip()] if visible else []
-    return names[number] if number < len(names) else str(number)
+    return (names[:count] or [str(gpu) for gpu in range(count)])[number % count]
+
+
+def num_gpus() -> int:
+    """Return how many GPUs this process sees."""
+    import warp as wp
+
+    return len(wp.get_cuda_devices())
 
 
 def default_workers(num_motions: int, device: str) -> int:
     """Return how many stages to run at once: one a GPU, or one a core as far as the memory goes."""
     if device != "cpu":
-        import warp as wp
-
-        return max(1, min(num_motions, len(wp.get_cuda_devices())))
+        return max(1, min(num_motions, num_gpus()))
     return max(1, min(num_motions, len(os.sched_getaffinity(0)), int(available_memory() // MEMORY_A_WORKER)))
 
 
