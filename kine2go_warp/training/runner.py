@@ -64,6 +64,8 @@ IterationCallback = Callable[[TrainingProgress, dict[str, float]], None]
 class QuietLogger(Logger):
     """Writes to TensorBoard as RSL-RL does, and reports to a callback what RSL-RL would print."""
 
+    steps: list[torch.Tensor]
+    """Whether each world's episode has ended, its reward and length so far, of the steps since these were read."""
     first_iteration = 0
     on_iteration: IterationCallback | None = None
     count_faults: Callable[[], int] = staticmethod(lambda: 0)
@@ -74,10 +76,39 @@ class QuietLogger(Logger):
 
         self.writer = SummaryWriter(log_dir=self.log_dir, purge_step=self.first_iteration, flush_secs=10)  # pyright: ignore[reportAttributeAccessIssue]
 
+    def process_env_step(
+        self,
+        rewards: torch.Tensor,
+        dones: torch.Tensor,
+        extras: dict[str, Any],
+        intrinsic_rewards: torch.Tensor | None = None,
+    ) -> None:
+        """Add a step to the episodes. RSL-RL reads those that end here, for which a GPU is waited for at every step."""
+        del intrinsic_rewards
+        if self.writer is None:
+            return
+        self.ep_extras.append(extras["log"])
+        self.cur_reward_sum += rewards
+        self.cur_episode_length += 1
+        ended = dones > 0
+        self.steps.append(torch.stack([ended.float(), self.cur_reward_sum, self.cur_episode_length]))
+        self.cur_reward_sum = torch.where(ended, 0.0, self.cur_reward_sum)
+        self.cur_episode_length = torch.where(ended, 0.0, self.cur_episode_length)
+
+    def read_episodes(self) -> None:
+        """Add the episodes that have ended since the last time to the last hundred."""
+        if not self.steps:
+            return
+        for ended, reward, length in torch.stack(self.steps).cpu():
+            self.rewbuffer.extend(reward[ended > 0].tolist())
+            self.lenbuffer.extend(length[ended > 0].tolist())
+        self.steps.clear()
+
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Log one iteration; see ``Logger.log``."""
         # RSL-RL divides by a difference of wall clock times, which is zero where somebody sets the clock.
         collect_time, learn_time = max(collect_time, 1e-6), max(learn_time, 1e-6)
+        self.read_episodes()
         with contextlib.redirect_stdout(io.StringIO()):
             super().log(it, start_it, total_it, collect_time, learn_time, **rest)
         if self.on_iteration is not None:
@@ -143,6 +174,7 @@ class ImitationRunner(OnPolicyRunner):
         )
         self.config, self.folder = config, PolicyFolder(folder)
         self.logger.__class__ = QuietLogger
+        self.logger.steps = []
         self.logger.count_faults = lambda: self._earlier_faults + env.fault_count()
         self.logger.on_iteration = self._after_iteration
         self.watch = DivergenceWatch()
