@@ -220,6 +220,20 @@ def test_dynamically_similar_flights_are_free_falls(solver, tmp_path):
     np.testing.assert_allclose(np.diff(height, 2)[inside] / froude.frame_duration**2, -GRAVITY, rtol=0.02)
 
 
+def test_flights_of_a_motion_that_motors_slow_are_free_falls_all_the_same(solver, tmp_path):
+    write_solo8(generate_hops(Hop(foot_lift=0.12), 150)[None], tmp_path / "hops.pt")
+    entry = load_catalogue()["solo8_jump_forward_a"]
+    entry = replace(entry, file="hops.pt:0", frames=FrameRange(50, 100), time_scale="froude")
+    clip = retarget(entry, tmp_path, solver, RetargetConfig(search_time=0.0)).clip
+    assert clip.slow_down > 1.05
+    assert (np.abs(clip.joint_velocity) <= np.array(GO2.joint_speed) * (1.0 + 1e-9)).all()
+    in_air = clip.stance.sum(axis=1) == 0
+    inside = in_air & np.roll(in_air, 1) & np.roll(in_air, -1)
+    assert np.count_nonzero(inside) >= 8
+    height = clip.extended(1, 1).root_position[:, 2]
+    np.testing.assert_allclose(np.diff(height, 2)[inside] / clip.frame_duration**2, -GRAVITY, rtol=0.03)
+
+
 def test_a_clip_keeps_its_metrics_in_its_file(clip, tmp_path):
     clip.save(tmp_path / "clip.npz")
     assert type(clip).load(tmp_path / "clip.npz").fidelity.as_json() == clip.fidelity.as_json()
