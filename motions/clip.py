@@ -131,8 +131,8 @@ class MotionClip:
         """
         early = round(CONTACT_TOLERANCE / self.frame_duration)
         places = np.arange(-early, self.num_frames + early)
-        rests = self.body_rests.any(axis=1)[continued(places, self.num_frames, self.cycle is not None)]
-        return sliding_window_view(rests, 2 * early + 1).any(axis=1)
+        rests = self.body_rests.max(axis=1)[continued(places, self.num_frames, self.cycle is not None)]
+        return np.logical_or.reduce(sliding_window_view(rests, 2 * early + 1) > 0.5, axis=1)
 
     def content_hash(self) -> str:
         """Return a hash of the motion itself, equal for equal clips whatever file they are in."""
