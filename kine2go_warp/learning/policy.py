@@ -50,6 +50,11 @@ class PolicyRecord:
     """How well the policy tracks, and after how many iterations it was taken; none if it was not evaluated."""
 
     @property
+    def policy_iterations(self) -> int:
+        """Iterations after which the policy that acts was taken."""
+        return self.iterations if self.evaluation is None else self.evaluation.iteration
+
+    @property
     def complete(self) -> bool:
         """Whether training has met its targets or reached its last iteration."""
         return self.stop_reason == TARGETS or self.iterations >= self.preset.ppo.iterations
