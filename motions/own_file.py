@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import CatalogueError, ClipError
 from kine2go_warp.motions.catalogue import DEFAULT_LENGTH, CatalogueEntry
+from kine2go_warp.motions.clip import Kind
 from kine2go_warp.motions.cycle_search import CycleCandidate, find_cycles
 from kine2go_warp.motions.examination import UNITS
 from kine2go_warp.motions.keypoints import KEYPOINTS, FrameRange, KeypointMotion
@@ -52,6 +53,8 @@ class OwnFile:
     rate: float = 0.0
     """Frames per second of a file that cannot tell its own [Hz]."""
     citation: str = ""
+    kind: Kind = "cycle"
+    """Whether its clip is repeated, or played once."""
 
     def entry(self, own: Path | None = None) -> CatalogueEntry:
         """Return the entry that a catalogue would have.
@@ -85,6 +88,7 @@ class OwnFile:
             citation=self.citation,
             folder=str(self.path.resolve().parent),
             dialect=own_dialects(own).get(reader.name),
+            kind=self.kind,
         )
 
     def reader(self, own: Path | None = None) -> MotionSource:
@@ -162,6 +166,11 @@ class Introduction:
             f"source = {json.dumps(self.source.name)}",
             f"start = {start}",
             f"end = {end}",
+            *(
+                ['kind = "once"  # nothing repeats itself in it; hold = 1.0 would hold its ends for 1 s']
+                if not self.cycle
+                else []
+            ),
             'licence = ""  # as in "CC BY 4.0"; it goes with the data',
             'citation = ""',
         ]

@@ -78,6 +78,13 @@ def clip(solver: InverseKinematics) -> MotionClip:
 
 
 @pytest.fixture(scope="session")
+def once_clip(solver: InverseKinematics) -> MotionClip:
+    """The first stride of the bundled trot, played once: from a stand over a trot to a stand, each held for 0.2 s."""
+    entry = replace(motion_named("dog_trot"), name="start_and_stop", kind="once", hold=0.2)
+    return retarget(entry, None, solver, RetargetConfig()).clip
+
+
+@pytest.fixture(scope="session")
 def standing_clip(clip: MotionClip) -> MotionClip:
     """A clip of the robot standing in its default pose."""
     frames = 10

@@ -39,6 +39,8 @@ class OwnFileOptions:
     """Licence of a file of your own; it goes with the data that are made of it."""
     citation: str = ""
     """Whom to name for a file of your own."""
+    once: bool = False
+    """The motion in a file of your own is played once, between poses that are held, instead of being repeated."""
 
     def entry(self, path: Path, own: Path | None) -> "CatalogueEntry":
         """Return what a catalogue would say about a file."""
@@ -48,7 +50,14 @@ class OwnFileOptions:
         if not licence and sys.stdin.isatty():
             licence = ask(f"Under which licence may {path.name} be used? ")
         return OwnFile(
-            path, licence, self.name, self.source, parsed_range(self.frames), rate_in_hz(self.rate), self.citation
+            path,
+            licence,
+            self.name,
+            self.source,
+            parsed_range(self.frames),
+            rate_in_hz(self.rate),
+            self.citation,
+            "once" if self.once else "cycle",
         ).entry(own)
 
 
