@@ -305,6 +305,8 @@ def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dt
         fill_value=np.nan if dtype.kind == "f" else 0,
         dimension_names=array.dims,
         attributes={"units": array.unit, "description": array.description},
+        # Values that are all NaN, such as what no rollout reached, are not to be taken for lost ones.
+        config={"write_empty_chunks": True},
     )
 
 
