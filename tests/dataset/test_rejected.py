@@ -81,3 +81,15 @@ def test_exports_hold_them_with_the_reason(written, tmp_path):
     assert "why the rollout was rejected" in (tmp_path / "le" / "README.md").read_text()
     assert main(["export", store, "--format", "npz", "--out", str(tmp_path / "plain")]) == 0
     assert json.loads((tmp_path / "plain" / "export.json").read_text())["trajectories"] == 3
+
+
+def test_final_states_that_no_rejected_rollout_reached_are_not_taken_for_lost_data(rng, tmp_path, capsys):
+    accepted, rejected = made_up(rng), made_up(rng)
+    for values in rejected.groups["final_state"].values():
+        if values.dtype.kind == "f":
+            values[...] = np.nan
+    store = tmp_path / "store.zarr"
+    rows = {"rejected": {"distance": 2, "body_contact": 1}}
+    DatasetWriter(store, GO2).write("one", accepted, SIMULATION, rows, RejectedRollouts(rejected, REASONS))
+    main(["dataset", "check", str(store)])
+    assert "data are missing" not in capsys.readouterr().out
