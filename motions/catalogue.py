@@ -4,7 +4,7 @@ import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.files import sha256_of
@@ -22,8 +22,20 @@ BUNDLED_FOLDER = Path(__file__).with_name("data")
 
 
 @dataclass(frozen=True)
+class Part:
+    """A motion within a sequence of motions."""
+
+    name: str
+    """Of the motion."""
+    cycles: int = 0
+    """How often a cycle is repeated."""
+    seconds: float = 0.0
+    """Or for how long at least [s]; without either for ``sequence.CYCLE_TIME``."""
+
+
+@dataclass(frozen=True)
 class CatalogueEntry:
-    """One motion of the catalogue."""
+    """One motion of the catalogue, or a sequence of some."""
 
     name: str
     collection: str
@@ -57,6 +69,10 @@ class CatalogueEntry:
     """Whether its clip is repeated, or played once between poses that are held."""
     hold: float | None = None
     """Time for which these are held [s], where that is another than the settings'."""
+    parts: tuple[Part, ...] = ()
+    """What a sequence consists of; it has no file of its own, and is played once."""
+    members: tuple["CatalogueEntry", ...] = ()
+    """The motions of these."""
 
     @property
     def motion_source(self) -> MotionSource:
@@ -75,11 +91,13 @@ class CatalogueEntry:
         return replace(source, scale=self.scale)
 
     def path(self, data_folder: Path | None) -> Path:
-        """Return where the file lies.
+        """Return where the file lies, of a sequence that of its first part.
 
         Raises:
             CatalogueError: the motion is not bundled and no data folder is known.
         """
+        if self.members:
+            return next(iter([member.path(data_folder) for member in self.members]))
         if self.bundled:
             return BUNDLED_FOLDER / self.file
         if self.folder:
@@ -92,7 +110,9 @@ class CatalogueEntry:
         return data_folder / self.file
 
     def is_there(self, data_folder: Path | None) -> bool:
-        """Return whether the file is there."""
+        """Return whether the file is there, of a sequence all of them."""
+        if self.members:
+            return all(member.is_there(data_folder) for member in self.members)
         if not self.bundled and not self.folder and data_folder is None:
             return False
         return self.motion_source.data_file(self.path(data_folder)).is_file()
@@ -130,7 +150,31 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
     """
     if own is None:
         return bundled_catalogue()
-    return bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    entries = bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    return {name: with_members(entry, entries, str(own)) for name, entry in entries.items()}
+
+
+def with_members(
+    entry: CatalogueEntry, entries: dict[str, CatalogueEntry], where: str, above: tuple[str, ...] = ()
+) -> CatalogueEntry:
+    """Return an entry with the motions of its parts, and their licences and citations.
+
+    Raises:
+        CatalogueError: a part is not in the catalogue, or a sequence is a part of itself.
+    """
+    members = []
+    for part in entry.parts:
+        if part.name in (*above, entry.name):
+            raise CatalogueError(f"{where}: '{part.name}' is a part of itself, in the parts of '{entry.name}'")
+        if part.name not in entries:
+            raise CatalogueError(f"{where}: '{entry.name}' has the unknown part '{part.name}'; add a [[motion]] for it")
+        members.append(with_members(entries[part.name], entries, where, (*above, entry.name)))
+        if members[-1].kind == "once" and (part.cycles or part.seconds):
+            raise CatalogueError(f"{where}: '{entry.name}' repeats '{part.name}', which is played once")
+    if not members:
+        return entry
+    said = {name: "; ".join(dict.fromkeys(getattr(one, name) for one in members)) for name in ("licence", "citation")}
+    return replace(entry, members=tuple(members), **said)
 
 
 COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
@@ -155,6 +199,8 @@ del LOOSE_FIELDS["collection"]
 
 All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
+SEQUENCE_FIELDS = {"name": str, "parts": list, "length": int, "description": str, "hold": float}
+"""Of a sequence of motions."""
 OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
@@ -188,6 +234,13 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
     entries: dict[str, CatalogueEntry] = {}
     for line, motion in zip(headers["[[motion]]"], content.get("motion", []), strict=False):
         here = f"{where}, line {line}, [[motion]]"
+        if "parts" in motion:
+            check_fields(motion, SEQUENCE_FIELDS, here)
+            check_name(motion["name"], here, CatalogueError)
+            if motion["name"] in entries:
+                raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
+            entries[motion["name"]] = sequence_entry(motion, here)
+            continue
         is_loose = "collection" not in motion and "source" in motion
         check_fields(motion, LOOSE_FIELDS if is_loose else MOTION_FIELDS, here)
         check_name(motion["name"], here, CatalogueError)
@@ -223,6 +276,45 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
     return entries
 
 
+def sequence_entry(motion: dict[str, Any], where: str) -> CatalogueEntry:
+    """Return the entry of a sequence, without the motions of its parts.
+
+    Raises:
+        CatalogueError: its parts are not names, or tables of a motion and how often or for how long it is repeated.
+    """
+    parts = []
+    for one in motion["parts"]:
+        table: Any = {"motion": one} if isinstance(one, str) else one
+        cycles, seconds = (table.get(key, 0) if isinstance(table, dict) else -1 for key in ("cycles", "seconds"))
+        is_known = isinstance(table, dict) and set(table) <= {"motion", "cycles", "seconds"}
+        is_number = (
+            type(cycles) is int and type(seconds) in (int, float) and 0 <= cycles <= 1000 and 0 <= seconds <= 600
+        )
+        if not is_known or not isinstance(table.get("motion"), str) or not is_number or (cycles and seconds):
+            example = '{ motion = "walk", cycles = 4 } or { motion = "walk", seconds = 3.0 }'
+            raise CatalogueError(f'{where}: parts has {one!r:.60}; each is a name, as in "walk", or {example}')
+        parts.append(Part(table["motion"], cycles, float(seconds)))
+    if len(parts) < 2:
+        raise CatalogueError(f"{where}: parts names {len(parts)} motion(s); a sequence has at least two")
+    return CatalogueEntry(
+        name=motion["name"],
+        collection="",
+        source="sequence",
+        file=" + ".join(part.name for part in parts),
+        frames=FrameRange(),
+        rate=0.0,
+        length=motion.get("length", DEFAULT_LENGTH),
+        sample=False,
+        bundled=False,
+        licence="",
+        citation="",
+        description=motion.get("description", ""),
+        kind="once",
+        hold=motion.get("hold"),
+        parts=tuple(parts),
+    )
+
+
 def check_fields(values: dict[str, object], fields: dict[str, type], where: str) -> None:
     """Check the fields of a table.
 
@@ -245,7 +337,7 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
     for name, choices in (("mode", get_args(Mode)), ("kind", get_args(Kind))):
         if values.get(name, choices[0]) not in choices:
             raise CatalogueError(f"{where}: {name} is {values[name]!r}; choose {' or '.join(choices)}")
-    if "hold" in values and values.get("kind") != "once":
+    if "hold" in values and values.get("kind") != "once" and "parts" not in values:
         raise CatalogueError(f'{where}: hold is for a motion with kind = "once"')
 
 

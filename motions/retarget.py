@@ -105,6 +105,10 @@ def retarget(
         ClipError: the file or the range cannot be used.
         CatalogueError: the file is not bundled and no data folder is given.
     """
+    if entry.members:
+        from kine2go_warp.motions.sequence import join
+
+        return join(entry, data_folder, solver, config)
     source = entry.motion_source
     path = entry.path(data_folder)
     motion = source.load(path, entry.rate or None)
