@@ -11,6 +11,7 @@ from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin, Kind
 from kine2go_warp.motions.config import Mode
 from kine2go_warp.motions.keypoints import FrameRange
+from kine2go_warp.motions.parts import Part, parse_parts
 from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
 from kine2go_warp.motions.sources.dialects import Dialect, parse_dialects
 from kine2go_warp.motions.sources.points import PointSource
@@ -19,18 +20,6 @@ from kine2go_warp.toml import read_toml
 
 CATALOGUE_FILE = Path(__file__).with_name("catalogue.toml")
 BUNDLED_FOLDER = Path(__file__).with_name("data")
-
-
-@dataclass(frozen=True)
-class Part:
-    """A motion within a sequence of motions."""
-
-    name: str
-    """Of the motion."""
-    cycles: int = 0
-    """How often a cycle is repeated."""
-    seconds: float = 0.0
-    """Or for how long at least [s]; without either for ``sequence.CYCLE_TIME``."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +105,10 @@ class CatalogueEntry:
         if not self.bundled and not self.folder and data_folder is None:
             return False
         return self.motion_source.data_file(self.path(data_folder)).is_file()
+
+    def with_files(self) -> list["CatalogueEntry"]:
+        """Return the motions that have files: itself, or of a sequence all that it is made of."""
+        return [one for member in self.members for one in member.with_files()] or [self]
 
     def file_remarks(self, sha256: str) -> tuple[str, ...]:
         """Return what is to be said of a file by its checksum: whether it is another one than the catalogue means."""
@@ -282,20 +275,7 @@ def sequence_entry(motion: dict[str, Any], where: str) -> CatalogueEntry:
     Raises:
         CatalogueError: its parts are not names, or tables of a motion and how often or for how long it is repeated.
     """
-    parts = []
-    for one in motion["parts"]:
-        table: Any = {"motion": one} if isinstance(one, str) else one
-        cycles, seconds = (table.get(key, 0) if isinstance(table, dict) else -1 for key in ("cycles", "seconds"))
-        is_known = isinstance(table, dict) and set(table) <= {"motion", "cycles", "seconds"}
-        is_number = (
-            type(cycles) is int and type(seconds) in (int, float) and 0 <= cycles <= 1000 and 0 <= seconds <= 600
-        )
-        if not is_known or not isinstance(table.get("motion"), str) or not is_number or (cycles and seconds):
-            example = '{ motion = "walk", cycles = 4 } or { motion = "walk", seconds = 3.0 }'
-            raise CatalogueError(f'{where}: parts has {one!r:.60}; each is a name, as in "walk", or {example}')
-        parts.append(Part(table["motion"], cycles, float(seconds)))
-    if len(parts) < 2:
-        raise CatalogueError(f"{where}: parts names {len(parts)} motion(s); a sequence has at least two")
+    parts = parse_parts(motion["parts"], where)
     return CatalogueEntry(
         name=motion["name"],
         collection="",
@@ -311,7 +291,7 @@ def sequence_entry(motion: dict[str, Any], where: str) -> CatalogueEntry:
         description=motion.get("description", ""),
         kind="once",
         hold=motion.get("hold"),
-        parts=tuple(parts),
+        parts=parts,
     )
 
 

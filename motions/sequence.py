@@ -7,12 +7,10 @@ of contacts as any animal's motion does: standing feet are held, and feet that s
 there, one diagonal pair after the other.
 """
 
-import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +18,11 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Slerp
 
 from kine2go_warp.motions.body import hip_joints
-from kine2go_warp.motions.catalogue import CatalogueEntry, Part
-from kine2go_warp.motions.clip import ClipOrigin, MotionClip
-from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.cycle import continued, rest_places
-from kine2go_warp.motions.fidelity import measure
-from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.keypoints import KeypointMotion
+from kine2go_warp.motions.parts import Part
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.motions.retarget import Retargeted, SelectedRange, retarget, retarget_contacts
-from kine2go_warp.motions.skeleton import skeleton_at
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import continuous, from_rotation, heading, to_rotation, turn_planar, yaw_rotation
@@ -214,34 +207,6 @@ def joined(parts: Sequence[Played], spec: RobotSpec, step: float, hold: int, ram
     for window in windows:
         whole = with_steps(whole, *window)
     return whole
-
-
-def join(
-    entry: CatalogueEntry, data_folder: Path | None, solver: InverseKinematics, config: RetargetConfig
-) -> Retargeted:
-    """Retarget the parts of a sequence and join them to one clip that is played once.
-
-    Raises:
-        ClipError: a file or a range of a part cannot be used.
-        CatalogueError: a file is not bundled and no data folder is given.
-    """
-    spec, found = solver.spec, [retarget(member, data_folder, solver, config) for member in entry.members]
-    parts = [Played.of(one.clip, part) for one, part in zip(found, entry.parts, strict=True)]
-    step = min(part.clip.frame_duration for part in parts)
-    hold = config.hold if entry.hold is None else entry.hold
-    track = joined(parts, spec, step, round(hold / step), 2 * round(0.5 * config.slow_down_time / step))
-    poses = track.poses()
-    digest = hashlib.sha256("".join(part.clip.content_hash() for part in parts).encode()).hexdigest()
-    names = " + ".join(part.name for part in entry.parts)
-    origin = ClipOrigin("sequence", names, digest, 0, len(track), 1.0 / step, entry.licence, entry.citation)
-    selected = SelectedRange(entry.name, "once", poses, track.stance > 0.5, step, 1.0, origin)
-    clip, moved = retarget_contacts(selected, solver, config)
-    animal = animal_of(poses, spec, step)
-    roots = (poses.root_position, poses.root_orientation), (clip.root_position, clip.root_orientation)
-    clip = replace(clip, keypoints=skeleton_at(animal, 0.0, *roots), fidelity=measure(clip, animal, spec))
-    length = float(np.linalg.norm(np.diff(poses.root_position[:, :2], axis=0), axis=1).sum())
-    remarks = tuple(f"{one.clip.name}: {remark}" for one in found for remark in one.remarks)
-    return Retargeted(clip, length, float("nan"), moved, remarks)
 
 
 def animal_of(poses: Poses, spec: RobotSpec, step: float) -> KeypointMotion:
