@@ -34,9 +34,8 @@ def parse_parts(values: Sequence[Any], where: str) -> tuple[Part, ...]:
         table: Any = {"motion": one} if isinstance(one, str) else one
         cycles, seconds = (table.get(key, 0) if isinstance(table, dict) else -1 for key in ("cycles", "seconds"))
         is_known = isinstance(table, dict) and set(table) <= {"motion", "cycles", "seconds"}
-        is_number = (
-            type(cycles) is int and type(seconds) in (int, float) and 0 <= cycles <= 1000 and 0 <= seconds <= 600
-        )
+        is_number = type(cycles) is int and type(seconds) in (int, float)
+        is_known = is_known and is_number and 0 <= cycles <= 1000 and 0 <= seconds <= 600
         if not is_known or not isinstance(table.get("motion"), str) or (cycles and seconds):
             example = '{ motion = "walk", cycles = 4 } or { motion = "walk", seconds = 3.0 }'
             raise CatalogueError(f'{where}: parts has {one!r:.60}; each is a name, as in "walk", or {example}')
