@@ -77,7 +77,7 @@ class AblationConfig:
         """Return the settings of one training, which has as many steps as all others."""
         preset = variant.preset.on(device)
         iterations = round(self.steps / (preset.env.num_worlds * preset.ppo.num_steps_per_env))
-        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations)})
+        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations), "stopping.interval": 0})
 
 
 @dataclass(frozen=True)

@@ -181,6 +181,8 @@ def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str,
         "training_settings": to_dictionary(record.preset),
         "training_seconds": record.seconds,
         "training_iterations": record.iterations,
+        "training_stopped": record.stop_reason,
+        "training_evaluation": {} if record.evaluation is None else record.evaluation.described(),
         "software_version": __version__,
         "software_revision": revision(),
     }
