@@ -36,7 +36,7 @@ class InitialStates:
     """Where rollouts begin, before the warm-up; the first axis of each array is the rollout."""
 
     phase: NDArray[Any]
-    """Phase of the reference cycle, in [0, 1)."""
+    """Phase of the reference, in [0, 1), or less than 0 before the beginning of a motion that is played once."""
     heading: NDArray[Any]
     """Rotation of the reference about the world's z axis [rad]."""
     joint_q: NDArray[Any]
