@@ -109,18 +109,24 @@ class Evaluation:
         }
         return {"iteration": self.iteration, "rejected": self.rejected, **finite}
 
+    def ratios(self, config: StoppingConfig) -> list[float]:
+        """Return errors over their targets."""
+        return [
+            ratio
+            for one in (self.phases, self.first_frame)
+            for ratio in (one.joint_rmse / config.max_joint_rmse, one.root_error / config.max_root_error)
+        ]
+
     def rank(self, config: StoppingConfig) -> tuple[float, float, float]:
-        """Return what a better policy has more of: acceptance, then survival, then nearness to the targets."""
+        """Return what a better policy has more of: acceptance, then survival, then smallness of errors in the mean."""
         both = (self.phases, self.first_frame)
-        ratios = [(one.joint_rmse / config.max_joint_rmse, one.root_error / config.max_root_error) for one in both]
-        nearness = -float(np.max(ratios))
+        nearness = -float(np.mean(self.ratios(config)))
         survival, acceptance = (min(getattr(one, name) for one in both) for name in ("survival", "acceptance"))
         return acceptance, survival, nearness if math.isfinite(nearness) else -math.inf
 
     def meets(self, config: StoppingConfig) -> bool:
         """Return whether it meets the targets."""
-        acceptance, _, nearness = self.rank(config)
-        return acceptance >= config.min_acceptance and nearness >= -1.0
+        return self.rank(config)[0] >= config.min_acceptance and all(ratio <= 1.0 for ratio in self.ratios(config))
 
 
 @dataclass
