@@ -53,6 +53,12 @@ class CatalogueEntry:
     """Size of the Go2 over that of this animal, where it is another than its source's; else 0."""
     mode: str = ""
     """How it is retargeted, where that is another way than the settings'."""
+    mirrored: bool = False
+    """Whether left and right are exchanged."""
+
+    def twin(self) -> "CatalogueEntry":
+        """Return the mirror image of the motion, a motion of its own."""
+        return replace(self, name=twin_name(self.name), mirrored=True, sample=False)
 
     @property
     def motion_source(self) -> MotionSource:
@@ -124,9 +130,12 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
     Raises:
         CatalogueError: a catalogue is not there or damaged; the message names the line.
     """
-    if own is None:
-        return bundled_catalogue()
-    return bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    return bundled_catalogue() if own is None else bundled_catalogue() | own_catalogue(own)
+
+
+def own_catalogue(own: Path) -> dict[str, CatalogueEntry]:
+    """Return the entries of a user's own catalogue alone, by name; errors as of ``load_catalogue``."""
+    return parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
 
 
 COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
@@ -142,6 +151,7 @@ MOTION_FIELDS = {
     "description": str,
     "scale": float,
     "mode": str,
+    "mirror": bool,
 }
 LOOSE_FIELDS = {**MOTION_FIELDS, "source": str, "licence": str, "citation": str}
 del LOOSE_FIELDS["collection"]
@@ -149,7 +159,7 @@ del LOOSE_FIELDS["collection"]
 
 All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
-OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode")
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "mirror")
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
 
@@ -187,13 +197,11 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
         check_name(motion["name"], here, CatalogueError)
         if not is_loose and motion["collection"] not in collections:
             raise CatalogueError(f"{here}: there is no [collection.{motion['collection']}]")
-        if motion["name"] in entries:
-            raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
         collection = {"folder": "", "rate": 0.0, **motion} if is_loose else collections[motion["collection"]]
         if is_loose and not collection["licence"].strip():
             raise CatalogueError(f"{here}: licence is empty; it goes with the data that are made of the motion")
         file = collection["folder"] + motion["file"]
-        entries[motion["name"]] = CatalogueEntry(
+        entry = CatalogueEntry(
             name=motion["name"],
             collection=motion.get("collection", ""),
             source=collection["source"],
@@ -212,7 +220,16 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
             scale=motion.get("scale", 0.0),
             mode=motion.get("mode", ""),
         )
+        for one in [entry, entry.twin()] if motion.get("mirror") else [entry]:
+            if one.name in entries:
+                raise CatalogueError(f"{here}: a second motion '{one.name}'")
+            entries[one.name] = one
     return entries
+
+
+def twin_name(name: str) -> str:
+    """Return the name of a motion's mirror image."""
+    return f"{name}_mirrored"
 
 
 def check_fields(values: dict[str, object], fields: dict[str, type], where: str) -> None:

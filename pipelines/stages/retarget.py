@@ -51,6 +51,7 @@ class RetargetStage:
             **({} if entry.dialect is None else {"dialect": to_dictionary(entry.dialect)}),
             **({"scale": entry.scale} if entry.scale else {}),
             **({"mode": entry.mode} if entry.mode else {}),
+            **({"mirrored": True} if entry.mirrored else {}),
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:

@@ -1,0 +1,129 @@
+"""Cutting a recording into cycles, motions that are played once, and stillness."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kine2go_warp.motions.config import LEAST_WAY, RetargetConfig
+from kine2go_warp.motions.cycle_search import best_ends, cycle_frames, find_cycles, pose_features, seam_scores
+from kine2go_warp.motions.discovery.gaits import GaitMeasures, Kind, Label, label_of, measure_gait
+from kine2go_warp.motions.discovery.recording import Recording
+from kine2go_warp.motions.stance import Interval, intervals
+
+SETTLING = 5
+"""How often the ends of a cycle are moved to a better seam before they are taken as they are."""
+MOST_SEAM = 1.0
+"""A range whose seam scores worse does not repeat itself, as the report of retargeting says."""
+STILL_TIMES = (1.0, 2.0)
+"""Stillness is a motion of its own from this time on, and is cut to the other [s]."""
+HOLD = 0.25
+"""A pose is held if the animal is still for this long [s]; so much of it stays at either end of a motion."""
+MOST_FILLED = 0.5
+"""A range of several strides is left out if single strides fill this share of it."""
+ONCE_TIMES = (0.5, 8.0)
+"""Shortest and longest motion that is played once, without what is held [s]."""
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A range of a recording with its label."""
+
+    recording: Recording = field(repr=False)
+    kind: Kind
+    start: int
+    end: int
+    """Exclusive."""
+    seam: float
+    """Distance of the ends of a cycle, in standard deviations of the recording; else 0."""
+    gait: GaitMeasures
+    label: Label
+
+    @property
+    def name(self) -> str:
+        """File, label, side and first frame, as a name of a motion."""
+        from kine2go_warp.motions.own_file import name_of
+
+        sided = self.label in ("turn", "strafe")
+        side = f"_{self.gait.side}" if sided else "_back" if self.gait.speed < -0.1 and self.kind == "cycle" else ""
+        return f"{name_of(self.recording.path)}_{self.label}{side}_{self.start}"
+
+
+def cut(recording: Recording, kind: Kind, start: int, end: int, seam: float = 0.0) -> Cut:
+    """Return a range with its figures and its label."""
+    gait = measure_gait(recording, start, end, kind == "cycle")
+    return Cut(recording, kind, start, end, seam, gait, label_of(kind, gait))
+
+
+def cuts(recording: Recording) -> list[Cut]:
+    """Return all that a recording holds, best seam first among the cycles, then what is played once, then stillness."""
+    return [*cycles(recording), *once(recording), *stillness(recording)]
+
+
+def cycles(recording: Recording) -> list[Cut]:
+    """Return the ranges that repeat themselves while the animal is up and moves, best seam first.
+
+    In each every foot stands and swings. One of several strides is left out where single strides fill most of it.
+    """
+    features = pose_features(recording.targets)
+    reach = round(RetargetConfig().search_time * recording.rate)
+    ranges = set()
+    for one in find_cycles(recording.targets, *cycle_frames(recording.rate), len(features), LEAST_WAY):
+        inside = slice(one.start, one.end)
+        if one.score <= MOST_SEAM and np.all(recording.posture[inside] == "up") and not recording.still[inside].all():
+            ranges.add(settled(features, one.start, one.end, reach))
+    found = []
+    for start, end in ranges:
+        seam = seam_scores(features, np.array([start]), np.array([end]))
+        found.append(cut(recording, "cycle", start, end, float(seam[0, 0])))
+    strides = [one for one in found if one.gait.is_stride and one.seam <= MOST_SEAM]
+    filled = np.zeros(len(features) + 1, dtype=bool)
+    for one in strides:
+        if one.gait.strides == 1:
+            filled[one.start : one.end] = True
+    kept = [one for one in strides if one.gait.strides == 1 or filled[one.start : one.end].mean() < MOST_FILLED]
+    return sorted(kept, key=lambda one: one.seam)
+
+
+def settled(features: Array, start: int, end: int, reach: int) -> tuple[int, int]:
+    """Return the ends that the retargeting will not move, so that a label is of the frames that are used."""
+    for _ in range(SETTLING):
+        better = best_ends(features, start, end, reach)
+        if better == (start, end):
+            break
+        start, end = better
+    return start, end
+
+
+def stillness(recording: Recording) -> list[Cut]:
+    """Return the ranges in which the animal is still, from their middle."""
+    least, most = (round(time * recording.rate) for time in STILL_TIMES)
+    found = []
+    for run in intervals(recording.still):
+        length = min(run.last + 1 - run.first, most)
+        if length >= least:
+            start = run.first + (run.last + 1 - run.first - length) // 2
+            found.append(cut(recording, "still", start, start + length))
+    return found
+
+
+def once(recording: Recording) -> list[Cut]:
+    """Return the motions between two poses that are held."""
+    shortest, longest = (time * recording.rate for time in ONCE_TIMES)
+    hold = round(HOLD * recording.rate)
+    return [
+        cut(recording, "once", before.last + 1 - hold, after.first + hold)
+        for before, after in held_pairs(recording.still, hold)
+        if shortest <= after.first - before.last <= longest
+    ]
+
+
+def held_pairs(still: NDArray[np.bool_], hold: int) -> Iterator[tuple[Interval, Interval]]:
+    """Yield the runs of stillness that last for a hold, each with the next one."""
+    runs = [run for run in intervals(still) if run.last + 1 - run.first >= hold]
+    yield from pairwise(runs)
