@@ -6,10 +6,19 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from kine2go_warp.motions.config import LEAST_WAY, RetargetConfig
 from kine2go_warp.motions.cycle_search import best_ends, cycle_frames, find_cycles, pose_features, seam_scores
-from kine2go_warp.motions.discovery.gaits import GaitMeasures, Kind, Label, label_of, measure_gait
+from kine2go_warp.motions.discovery.gaits import (
+    JUMP_RISE,
+    GaitMeasures,
+    Kind,
+    Label,
+    flight_rise,
+    label_of,
+    measure_gait,
+)
 from kine2go_warp.motions.discovery.recording import Recording
 from kine2go_warp.motions.stance import Interval, intervals
 
@@ -23,8 +32,10 @@ HOLD = 0.25
 """A pose is held if the animal is still for this long [s]; so much of it stays at either end of a motion."""
 MOST_FILLED = 0.5
 """A range of several strides is left out if single strides fill this share of it."""
-ONCE_TIMES = (0.5, 8.0)
-"""Shortest and longest motion that is played once, without what is held [s]."""
+FIRM_FEET = 3
+"""On so many feet an animal can be stopped that has been up, and will be, for ``HOLD``."""
+ONCE_TIMES = (0.6, 8.0)
+"""Shortest and longest motion that is played once [s]."""
 
 
 Array = NDArray[np.float64]
@@ -113,17 +124,46 @@ def stillness(recording: Recording) -> list[Cut]:
 
 
 def once(recording: Recording) -> list[Cut]:
-    """Return the motions between two poses that are held."""
+    """Return the motions between two poses that can be held: jumps, changes of posture, then all between two holds."""
     shortest, longest = (time * recording.rate for time in ONCE_TIMES)
     hold = round(HOLD * recording.rate)
+    held = [run for run in intervals(recording.still) if run.last + 1 - run.first >= hold]
+    up = recording.posture == "up"
+    long_up = minimum_filter1d(up, 2 * hold + 1, mode="nearest")
+    firm = np.flatnonzero(long_up & (recording.stance.sum(axis=1) >= FIRM_FEET))
+    ranges = [*jumps(recording, firm), *posture_changes(up, firm, held, hold)]
+    ranges += [(before.last + 1 - hold, after.first + hold) for before, after in pairwise(held)]
     return [
-        cut(recording, "once", before.last + 1 - hold, after.first + hold)
-        for before, after in held_pairs(recording.still, hold)
-        if shortest <= after.first - before.last <= longest
+        cut(recording, "once", start, end) for start, end in dict.fromkeys(ranges) if shortest <= end - start <= longest
     ]
 
 
-def held_pairs(still: NDArray[np.bool_], hold: int) -> Iterator[tuple[Interval, Interval]]:
-    """Yield the runs of stillness that last for a hold, each with the next one."""
-    runs = [run for run in intervals(still) if run.last + 1 - run.first >= hold]
-    yield from pairwise(runs)
+def jumps(recording: Recording, firm: NDArray[np.int_]) -> Iterator[tuple[int, int]]:
+    """Yield the ranges around each jump, from and to a frame at which the animal stands firmly."""
+    height, stance = recording.targets.root_position[:, 2], recording.stance
+    for run in intervals(~stance.any(axis=1)):
+        near = slice(max(run.first - 1, 0), run.last + 2)
+        before, after = firm[firm < run.first], firm[firm > run.last]
+        if flight_rise(stance[near], height[near]) >= JUMP_RISE and len(before) and len(after):
+            yield int(before[-1]), int(after[0]) + 1
+
+
+def posture_changes(
+    up: NDArray[np.bool_], firm: NDArray[np.int_], held: list[Interval], hold: int
+) -> Iterator[tuple[int, int]]:
+    """Yield the ranges in which an animal goes down or gets up, from or to a pose that is held low.
+
+    Args:
+        up: Whether it is up, shape [num_frames].
+        firm: Frames at which it stands firmly; the nearest one is the other end of a range.
+        held: Where it is still.
+        hold: So much of a held pose stays in the range [frames].
+    """
+    for run in held:
+        if up[run.first] or up[run.last]:
+            continue
+        after, before = firm[firm > run.last], firm[firm < run.first]
+        if len(after) and not any(run.last < other.first < after[0] for other in held):
+            yield run.last + 1 - hold, int(after[0]) + 1
+        if len(before) and not any(before[-1] < other.first < run.first for other in held):
+            yield int(before[-1]), run.first + hold

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.discovery.recording import Recording, tilt
+from kine2go_warp.motions.stance import intervals
 from kine2go_warp.rotations import turn_planar
 
 Array = NDArray[np.float64]
@@ -26,6 +27,8 @@ TOGETHER = 0.125
 """Touch-downs closer than this share of a stride are one beat: an eighth, as in Hildebrand's classes."""
 WALKING_DUTY = 0.65
 """A symmetrical gait whose feet stand for longer is a walk, whichever of them touch down together."""
+LEAPING_DUTY = 0.55
+"""In a canter and a gallop feet stand for less; an animal whose steps are uneven stands for longer."""
 BOUNDING = 0.08
 """The same for both feet of a pair, which in a gallop touch down soon after each other."""
 STANDING_SPEED, STANDING_TURN = 0.08, 0.3
@@ -36,8 +39,8 @@ STRAFE_SHARE, STRAFE_SPEED = 0.6, 0.12
 """A strafe leads sideways by this share of its way along the heading, at this speed at least [m/s]."""
 ONCE_TURN = 0.6
 """A motion that is played once is a turn if it turns by this [rad]."""
-JUMP_FLIGHT, JUMP_RISE = 0.08, 0.05
-"""In a jump no foot stands for this long [s], while the base is raised by this [m]."""
+JUMP_RISE = 0.03
+"""In a jump the base rises by this while no foot stands [m]; a body that falls freely takes 0.16 s for it."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class GaitMeasures:
     turn: float
     """From first to last frame [rad]."""
     rise: float
-    """How far the base is raised over its median height in the longest flight [m]; 0 without any."""
+    """How far the base rises in a flight, over take-off and landing [m]; 0 without any."""
     postures: tuple[str, str]
     """In the first and in the last frame."""
 
@@ -107,7 +110,7 @@ def measure_gait(recording: Recording, start: int, end: int, is_cycle: bool) -> 
         phase=phase,
         flight=float(np.mean(~stance.any(axis=1))),
         turn=turn,
-        rise=flight_rise(stance, recording.targets.root_position[chosen, 2], recording.rate),
+        rise=flight_rise(stance, recording.targets.root_position[chosen, 2]),
         postures=(str(recording.posture[start]), str(recording.posture[end - 1])),
     )
 
@@ -129,12 +132,10 @@ def touch_down_phases(stance: Mask, is_cycle: bool) -> tuple[tuple[float, ...], 
     return tuple(float(one) for one in (phases - phases[2]) % 1.0), strides
 
 
-def flight_rise(stance: Mask, height: Array, rate: float) -> float:
-    """Return how far the base is raised in flights that are long enough for a jump [m]."""
-    flying = ~stance.any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flying, [False]]).astype(int)))
-    long = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= JUMP_FLIGHT * rate]
-    return max((float(height[one].max() - np.median(height)) for one in long), default=0.0)
+def flight_rise(stance: Mask, height: Array) -> float:
+    """Return how far the base rises at most while no foot stands, over take-off and landing [m]."""
+    flights = [height[max(run.first - 1, 0) : run.last + 2] for run in intervals(~stance.any(axis=1))]
+    return max((float(one.max() - max(one[0], one[-1])) for one in flights), default=0.0)
 
 
 def label_of(kind: Kind, gait: GaitMeasures) -> Label:
@@ -184,7 +185,7 @@ def footfall_label(gait: GaitMeasures) -> Label:
         return "pace" if side < 0.25 else "trot"
     if max(fore, hind) < BOUNDING:
         return "jump" if abs(gait.lag(0, 2)) < BOUNDING else "bound"
-    if duty >= 0.5:
+    if duty > LEAPING_DUTY:
         return "walk"
     return "canter" if min(abs(gait.lag(0, 3)), abs(gait.lag(1, 2))) < TOGETHER else "gallop"
 

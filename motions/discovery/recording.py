@@ -86,7 +86,8 @@ def read_recording(file: OwnFile, spec: RobotSpec, own: Path | None = None) -> R
     yaw: Array = np.unwrap(heading(targets.root_orientation)).astype(np.float64)
     velocity = np.gradient(gaussian_filter1d(targets.root_position, width, axis=0), step, axis=0)
     speed = np.linalg.norm(np.gradient(gaussian_filter1d(scaled.position, width, axis=0), step, axis=0), axis=-1)
-    hips = scaled.points("hip")[..., 2] - np.quantile(toes[..., 2], 0.05)
+    hips = scaled.points("hip")[..., 2]
+    usual = np.quantile(hips - toes[..., 2], 0.9, axis=0)
     return Recording(
         path=file.path,
         source=source,
@@ -96,13 +97,19 @@ def read_recording(file: OwnFile, spec: RobotSpec, own: Path | None = None) -> R
         velocity=turn_planar(velocity, -gaussian_filter1d(yaw, width)),
         yaw=yaw,
         still=speed.max(axis=1) < STILL_SPEED,
-        posture=postures(hips, spec),
+        posture=postures(hips - np.quantile(toes[..., 2], 0.05), usual, spec),
     )
 
 
-def postures(hips: Array, spec: RobotSpec) -> NDArray[np.str_]:
-    """Return the posture of each frame from the heights of the hips over the floor [m], shape [num_frames, 4]."""
-    usual = np.maximum(np.quantile(hips, 0.9, axis=0), LEAST_USUAL * HIP_HEIGHT * spec.size)
+def postures(hips: Array, usual: Array, spec: RobotSpec) -> NDArray[np.str_]:
+    """Return the posture of each frame.
+
+    Args:
+        hips: Heights of the hips over the floor [m], shape [num_frames, 4].
+        usual: Their heights over the toes of long legs [m], shape [4].
+        spec: The robot.
+    """
+    usual = np.maximum(usual, LEAST_USUAL * HIP_HEIGHT * spec.size)
     low = np.stack([hips[:, pair].mean(axis=1) < LOW_HIPS * usual[pair].mean() for pair in ([0, 1], [2, 3])], axis=1)
     return np.select([low.all(axis=1), low[:, 1]], ["lie", "sit"], "up")
 
