@@ -6,7 +6,7 @@ or soon after; the share of failures, smoothed over time, weighs how often an ep
 
 import warp as wp
 
-from kine2go_warp.kernels.reference import Placement, ReferenceClips, frame_at
+from kine2go_warp.kernels.reference import Placement, ReferenceClips, turns_at, whole_cycles
 
 wp.set_module_options({"enable_backward": False})
 
@@ -46,8 +46,8 @@ def find_bin(table: PhaseTable, number: float) -> int:
 def bin_at(table: PhaseTable, clips: ReferenceClips, placement: Placement, world: int, step: int) -> int:
     """Return the bin in which a world is ``step`` control steps into its episode."""
     clip = placement.clip[world]
-    turns = frame_at(clips, placement, world, float(step)) / float(clips.num_frames[clip])
-    within = int((turns - wp.floor(turns)) * float(table.bins_per_clip))
+    turns = turns_at(clips, placement, world, float(step))
+    within = int((turns - whole_cycles(clips, clip, turns)) * float(table.bins_per_clip))
     return clip * table.bins_per_clip + wp.min(within, table.bins_per_clip - 1)
 
 

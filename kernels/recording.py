@@ -3,7 +3,7 @@
 import warp as wp
 
 from kine2go_warp.kernels.kinematics import LegGeometry, foot_position_b
-from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState, frame_at
+from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState, turns_at, whole_cycles
 from kine2go_warp.kernels.rotations import wxyz
 from kine2go_warp.kernels.state import (
     NUM_LEGS,
@@ -46,7 +46,7 @@ def record_reference(
     phase: wp.array(dtype=float),
     cycle: wp.array(dtype=int),
 ):
-    """Write the reference root [m, -], its feet [m] and the place in the clip: phase in [0, 1) and whole cycles."""
+    """Write the reference root [m, -], its feet [m] and the place in the clip: phase and whole cycles."""
     world = wp.tid()
     root = reference.root[world]
     root_position_w[world] = wp.transform_get_translation(root)
@@ -61,8 +61,7 @@ def record_reference(
             reference.joint_position[world, first + 2],
         )
         foot_position_w[world, leg] = wp.transform_point(root, foot_b)
-    turns = frame_at(clips, placement, world, float(reference_step[world])) / float(
-        clips.num_frames[placement.clip[world]]
-    )
-    phase[world] = turns - wp.floor(turns)
-    cycle[world] = int(wp.floor(turns))
+    turns = turns_at(clips, placement, world, float(reference_step[world]))
+    cycles = whole_cycles(clips, placement.clip[world], turns)
+    phase[world] = turns - cycles
+    cycle[world] = int(cycles)

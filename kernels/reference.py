@@ -1,7 +1,8 @@
 """Reference motions on the device: from a place in a clip to a pose in each world's own heading.
 
-A place in a clip is a frame number with a fraction, ``frame = start_phase * num_frames + step * frames_per_step``; it
-grows without bound, and every ``num_frames`` frames the clip has moved on by one cycle.
+A place in a clip is a frame number with a fraction, ``frame = start_phase * span + step * frames_per_step``. In a cycle
+it grows without bound, and every ``num_frames`` frames the clip has moved on by one cycle. A clip played once is
+at rest in its first and last frame, and beyond them the place stays there: ``frame_at`` alone sees to that.
 """
 
 import warp as wp
@@ -32,13 +33,15 @@ class ReferenceClips:
     first_frame: wp.array(dtype=int)
     """Where each clip begins, shape [num_clips]."""
     num_frames: wp.array(dtype=int)
-    """Frames in one cycle, shape [num_clips]."""
+    """Frames of each clip, shape [num_clips]."""
+    span: wp.array(dtype=int)
+    """Frames from phase 0 to phase 1: ``num_frames`` of a cycle, one less of a clip played once, shape [num_clips]."""
     frames_per_step: wp.array(dtype=float)
     """Clip frames that pass in one control step, shape [num_clips]."""
     cycle_translation: wp.array(dtype=wp.vec2)
-    """Displacement of one cycle in the ground plane [m], shape [num_clips]."""
+    """Displacement of one cycle in the ground plane [m], 0 of a clip played once, shape [num_clips]."""
     cycle_yaw: wp.array(dtype=float)
-    """Turn of one cycle [rad], shape [num_clips]."""
+    """Turn of one cycle [rad], 0 of a clip played once, shape [num_clips]."""
 
 
 @wp.struct
@@ -48,7 +51,7 @@ class Placement:
     clip: wp.array(dtype=int)
     """Index of the clip."""
     start_phase: wp.array(dtype=float)
-    """Place in the cycle where the episode began, in [0, 1)."""
+    """Phase of the clip where the episode began, in [0, 1); less than 0 before the beginning of a clip played once."""
     heading: wp.array(dtype=float)
     """Turn of the whole reference about the world's z axis [rad]."""
     origin: wp.array(dtype=wp.vec2)
@@ -74,10 +77,38 @@ class ReferenceState:
 
 
 @wp.func
+def is_once(clips: ReferenceClips, clip: int) -> bool:
+    """Return whether a clip is played once rather than repeated."""
+    return clips.span[clip] < clips.num_frames[clip]
+
+
+@wp.func
+def frames_passed(clips: ReferenceClips, placement: Placement, world: int, step: float) -> float:
+    """Return how far beyond the clip's first frame time is ``step`` control steps into the episode [frames]."""
+    clip = placement.clip[world]
+    return placement.start_phase[world] * float(clips.span[clip]) + step * clips.frames_per_step[clip]
+
+
+@wp.func
 def frame_at(clips: ReferenceClips, placement: Placement, world: int, step: float) -> float:
     """Return the place in the clip ``step`` control steps into the episode [frames]."""
+    frame = frames_passed(clips, placement, world, step)
     clip = placement.clip[world]
-    return placement.start_phase[world] * float(clips.num_frames[clip]) + step * clips.frames_per_step[clip]
+    if is_once(clips, clip):
+        frame = wp.clamp(frame, 0.0, float(clips.span[clip]))
+    return frame
+
+
+@wp.func
+def turns_at(clips: ReferenceClips, placement: Placement, world: int, step: float) -> float:
+    """Return the cycles passed, or the phase of a clip played once, ``step`` control steps into the episode."""
+    return frame_at(clips, placement, world, step) / float(clips.span[placement.clip[world]])
+
+
+@wp.func
+def whole_cycles(clips: ReferenceClips, clip: int, turns: float) -> float:
+    """Return how often a clip has been repeated."""
+    return wp.where(is_once(clips, clip), 0.0, wp.floor(turns))
 
 
 @wp.func

@@ -5,6 +5,7 @@ The limits are the paper's (appendix, hyperparameter table, "Termination").
 
 import warp as wp
 
+from kine2go_warp.kernels.reference import frames_passed, is_once
 from kine2go_warp.kernels.rotations import rotation_angle
 from kine2go_warp.kernels.state import is_finite, root_orientation, root_position
 from kine2go_warp.kernels.world import WorldView
@@ -59,9 +60,15 @@ def rotation(view: WorldView, out: wp.array2d(dtype=float), column: int, max_ang
 
 @wp.kernel
 def time_out(view: WorldView, out: wp.array2d(dtype=float), column: int):
-    """Find episodes that have reached their longest time."""
+    """Find episodes that have reached their longest time, or have held the end of a clip played once long enough."""
     world = wp.tid()
-    out[world, column] = wp.where(view.episode_length[world] >= wp.int64(view.max_episode_length), 1.0, 0.0)
+    is_over = view.episode_length[world] >= wp.int64(view.max_episode_length)
+    clip = view.placement.clip[world]
+    if is_once(view.clips, clip):
+        held = float(view.reference_step[world] - view.end_hold_steps)
+        passed = frames_passed(view.clips, view.placement, world, held)
+        is_over = is_over or passed >= float(view.clips.span[clip])
+    out[world, column] = wp.where(is_over, 1.0, 0.0)
 
 
 @wp.kernel

@@ -77,6 +77,8 @@ class WorldView:
     """For observations of the future: control steps from now."""
     max_episode_length: int
     """[control steps]"""
+    end_hold_steps: int
+    """Control steps for which an episode goes on beyond the end of a clip played once."""
     overflow_mask: int
     """Bits of ``overflow`` that mean dropped contacts or constraints."""
     initial_limit_scale: float

@@ -63,9 +63,9 @@ def train(
 
     Args:
         clips: Clips, or the files of clips.
-        folder: Policy folder; see ``learning.train.train`` for what happens if it holds a policy.
+        folder: Policy folder; see ``training.train.train`` for what happens if it holds a policy.
         preset: Settings, by default ``presets.FAST``; ``preset.override({"ppo.iterations": 50})`` changes some.
-        options: Further arguments of ``learning.train.train``: ``device``, ``overwrite``, ``on_progress`` ...
+        options: Further arguments of ``training.train.train``: ``device``, ``overwrite``, ``on_progress`` ...
 
     Raises:
         ClipError: a file is no clip.
@@ -74,7 +74,7 @@ def train(
     """
     from kine2go_warp.learning.policy import PolicyFolder
     from kine2go_warp.learning.presets import FAST
-    from kine2go_warp.learning.train import train as train_policy
+    from kine2go_warp.training.train import train as train_policy
 
     train_policy(as_clips(clips), FAST if preset is None else preset, Path(folder), **options)
     return PolicyFolder(Path(folder))

@@ -8,7 +8,7 @@ from typing import get_args
 
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.files import sha256_of
-from kine2go_warp.motions.clip import ClipOrigin
+from kine2go_warp.motions.clip import ClipOrigin, Kind
 from kine2go_warp.motions.config import Mode
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
@@ -53,6 +53,10 @@ class CatalogueEntry:
     """Size of the Go2 over that of this animal, where it is another than its source's; else 0."""
     mode: str = ""
     """How it is retargeted, where that is another way than the settings'."""
+    kind: Kind = "cycle"
+    """Whether its clip is repeated, or played once between poses that are held."""
+    hold: float | None = None
+    """Time for which these are held [s], where that is another than the settings'."""
     mirrored: bool = False
     """Whether left and right are exchanged."""
 
@@ -152,6 +156,8 @@ MOTION_FIELDS = {
     "scale": float,
     "mode": str,
     "mirror": bool,
+    "kind": str,
+    "hold": float,
 }
 LOOSE_FIELDS = {**MOTION_FIELDS, "source": str, "licence": str, "citation": str}
 del LOOSE_FIELDS["collection"]
@@ -159,7 +165,7 @@ del LOOSE_FIELDS["collection"]
 
 All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
-OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "mirror")
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold", "mirror")
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
 
@@ -219,6 +225,8 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
             dialect=dialects.get(collection["source"]),
             scale=motion.get("scale", 0.0),
             mode=motion.get("mode", ""),
+            kind=motion.get("kind", "cycle"),
+            hold=motion.get("hold"),
         )
         for one in [entry, entry.twin()] if motion.get("mirror") else [entry]:
             if one.name in entries:
@@ -248,11 +256,14 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
         kinds = (int, float) if fields[name] is float else (fields[name],)
         if not isinstance(value, kinds) or (isinstance(value, bool) and fields[name] is not bool):
             raise CatalogueError(f"{where}: {name} is {value!r}, not a {fields[name].__name__}")
-    for name, least, greatest in (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3)):
+    for name, least, greatest in (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0)):
         if isinstance(number := values.get(name, 1.0), int | float) and not least <= number <= greatest:
             raise CatalogueError(f"{where}: {name} is {number:g}; choose {least:g} to {greatest:g}")
-    if values.get("mode", "contact") not in get_args(Mode):
-        raise CatalogueError(f"{where}: mode is {values['mode']!r}; choose {' or '.join(get_args(Mode))}")
+    for name, choices in (("mode", get_args(Mode)), ("kind", get_args(Kind))):
+        if values.get(name, choices[0]) not in choices:
+            raise CatalogueError(f"{where}: {name} is {values[name]!r}; choose {' or '.join(choices)}")
+    if "hold" in values and values.get("kind") != "once":
+        raise CatalogueError(f'{where}: hold is for a motion with kind = "once"')
 
 
 def motion_named(name: str, own: Path | None = None) -> CatalogueEntry:

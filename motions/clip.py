@@ -1,28 +1,32 @@
-"""The reference clip that the simulation tracks: one exact period of a motion on the robot."""
+"""The reference clip that the simulation tracks: one exact period of a motion on the robot, or a motion played once."""
 
 import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.motions.cycle import CycleStep, extend_cyclically
+from kine2go_warp.motions.cycle import CycleStep, extend
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton
 from kine2go_warp.motions.validation import validate
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.robots.kinematics import foot_positions
-from kine2go_warp.rotations import from_rotation, to_rotation
+from kine2go_warp.rotations import from_rotation, heading, to_rotation
 
 Array = NDArray[np.float64]
 
 FORMAT_VERSION = 2
+
+Kind = Literal["cycle", "once"]
+"""Whether a clip is repeated, or begins and ends in poses that are held."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +45,13 @@ class ClipOrigin:
 
 @dataclass(frozen=True)
 class MotionClip:
-    """One cycle of ``num_frames`` frames. Frame ``num_frames`` is frame 0 moved on by ``cycle``.
+    """One cycle of ``num_frames`` frames, or as many frames that are played once.
 
-    World frame: z up, floor at height 0, frame 0 at the origin with heading 0. Velocities are central differences
-    across the seam.
+    Frame ``num_frames`` of a cycle is frame 0 moved on by ``cycle``. Before a clip that is played once lies its first
+    pose, after it its last one, at rest.
+
+    World frame: z up, floor at height 0, frame 0 at the origin with heading 0. Velocities are central differences,
+    across the seam of a cycle; they are zero in the first and the last frame of a clip that is played once.
     """
 
     name: str
@@ -68,8 +75,8 @@ class MotionClip:
     """1 where a foot stands, 0 where it swings, shape [num_frames, 4]."""
     residual: Array
     """Largest distance of a foot from its retargeting target [m], shape [num_frames]."""
-    cycle: CycleStep
-    """Displacement of one whole cycle."""
+    cycle: CycleStep | None
+    """Displacement of one whole cycle; none of a clip that is played once."""
     origin: ClipOrigin
     robot: str = DEFAULT_ROBOT
     """Reference of the robot that it is for; see ``robots.robot_named``."""
@@ -84,13 +91,31 @@ class MotionClip:
 
     @property
     def num_frames(self) -> int:
-        """Frames in one cycle."""
+        """Number of frames."""
         return len(self.root_position)
 
     @property
+    def kind(self) -> Kind:
+        """Whether it is repeated or played once."""
+        return "once" if self.cycle is None else "cycle"
+
+    @property
+    def span(self) -> int:
+        """Frames from phase 0 to phase 1: a cycle ends where the next begins, a clip played once at its last frame."""
+        return self.num_frames - (self.cycle is None)
+
+    @property
     def period(self) -> float:
-        """Duration of one cycle [s]."""
-        return self.num_frames * self.frame_duration
+        """Duration of one cycle, or of a clip that is played once [s]."""
+        return self.span * self.frame_duration
+
+    @property
+    def displacement(self) -> tuple[float, float, float]:
+        """Where a cycle, or a clip that is played once, leads, as seen from frame 0: forward, left [m], turn [rad]."""
+        if self.cycle is not None:
+            return self.cycle.x, self.cycle.y, self.cycle.yaw
+        x, y, _ = self.root_position[-1]
+        return float(x), float(y), float(heading(self.root_orientation[-1:])[0])
 
     def content_hash(self) -> str:
         """Return a hash of the motion itself, equal for equal clips whatever file they are in."""
@@ -110,12 +135,12 @@ class MotionClip:
 
     @property
     def poses(self) -> Poses:
-        """The poses of one cycle, with joints."""
+        """The poses of all frames, with joints."""
         return Poses(self.root_position, self.root_orientation, self.joint_position)
 
     def extended(self, before: int, after: int) -> Poses:
-        """Return the poses of one cycle and of some frames on either side, with joints."""
-        return extend_cyclically(self.poses, self.cycle, before, after)
+        """Return the poses of all frames and of some on either side, with joints."""
+        return extend(self.poses, self.cycle, before, after)
 
     def resampled(self, rate: float, spec: RobotSpec) -> "MotionClip":
         """Return the same motion in time with about ``rate`` frames per second.
@@ -126,14 +151,14 @@ class MotionClip:
         from scipy.interpolate import CubicSpline
         from scipy.spatial.transform import Slerp
 
-        num_frames = max(round(self.period * rate), 3)
-        time = np.arange(num_frames, dtype=np.float64) * (self.period / num_frames)
+        span = max(round(self.period * rate), 3)
+        time = np.arange(span + self.num_frames - self.span, dtype=np.float64) * (self.period / span)
         margin = 4
         longer = self.extended(margin, margin)
         known = np.arange(-margin, self.num_frames + margin) * self.frame_duration
         clip = replace(
             self,
-            frame_duration=self.period / num_frames,
+            frame_duration=self.period / span,
             root_position=CubicSpline(known, longer.root_position)(time),
             root_orientation=from_rotation(Slerp(known, to_rotation(longer.root_orientation))(time)),
             joint_position=CubicSpline(known, longer.joints)(time),
@@ -148,7 +173,9 @@ class MotionClip:
         """Return the clip with the velocities and the feet that follow from its poses and its frame duration."""
         longer = self.extended(1, 1)
         assert longer.joints is not None
-        span = 2.0 * self.frame_duration
+        span = np.full((self.num_frames, 1), 2.0 * self.frame_duration)
+        if self.cycle is None:
+            span[[0, -1]] = np.inf
         rotation = to_rotation(longer.root_orientation)
         feet = np.einsum("tij,tkj->tki", rotation[1:-1].as_matrix(), foot_positions(spec, self.joint_position))
         return replace(
@@ -173,7 +200,7 @@ class MotionClip:
             "slow_down": self.slow_down,
             "time_scale": self.time_scale,
             "fidelity": None if self.fidelity is None else self.fidelity.as_json(),
-            "cycle": asdict(self.cycle),
+            "cycle": None if self.cycle is None else asdict(self.cycle),
             "origin": asdict(self.origin),
         }
         with atomic_file(path) as temporary:
@@ -202,7 +229,7 @@ class MotionClip:
                 slow_down=header["slow_down"],
                 time_scale=header.get("time_scale", 1.0),
                 fidelity=Fidelity.from_json(header.get("fidelity")),
-                cycle=CycleStep(**header["cycle"]),
+                cycle=None if header["cycle"] is None else CycleStep(**header["cycle"]),
                 origin=ClipOrigin(**header["origin"]),
                 keypoints=keypoints,
                 **arrays,
@@ -243,11 +270,11 @@ def assemble_clip(
     frame_duration: float,
     stance: Array,
     residual: Array,
-    cycle: CycleStep,
+    cycle: CycleStep | None,
     origin: ClipOrigin,
     time_scale: float = 1.0,
 ) -> MotionClip:
-    """Make a clip of a closed cycle of poses with joints; ``MotionClip`` says what the rest is."""
+    """Make a clip of poses with joints, a closed cycle unless ``cycle`` is none; ``MotionClip`` has the rest."""
     assert poses.joints is not None
     none = np.empty(0)
     return MotionClip(

@@ -24,6 +24,10 @@ class RetargetConfig:
     """How far the ends of a range may move to find the best seam [s], a sixth of the range at most; 0 keeps it."""
     blend_time: float = 0.25
     """Time on either side of a cycle's seam over which it is blended [s]."""
+    hold: float = 0.5
+    """Time for which the first and the last pose of a motion that is played once are held [s]."""
+    slow_down_time: float = 0.5
+    """Time over which such a motion comes from rest, and to rest again, along the animal's own way [s]."""
     smoothing: float = 0.02
     """Standard deviation of the filter on the base's motion [s]."""
     stance_height: float = 0.25
@@ -44,7 +48,8 @@ class RetargetConfig:
         Raises:
             Kine2GoError: a value is outside.
         """
-        check_ranges(self, search_time=(0, 10), blend_time=(0, 10), smoothing=(0, 1), stance_height=(0, 1))
+        check_ranges(self, search_time=(0, 10), blend_time=(0, 10), hold=(0, 60), slow_down_time=(0, 10))
+        check_ranges(self, smoothing=(0, 1), stance_height=(0, 1))
         check_ranges(self, stance_speed=(0, 1), swing_clearance=(0, 0.2), knee_margin=(0, 0.5))
         if self.time_scale != "froude":
             check_ranges(self, time_scale=(0.1, 10))

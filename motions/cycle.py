@@ -1,4 +1,4 @@
-"""Cycles: the displacement of one period, the closing of a seam, and the continuation beyond the ends."""
+"""Cycles: the displacement of one period, the closing of a seam, and what lies beyond the ends of any clip."""
 
 from dataclasses import dataclass, replace
 
@@ -42,9 +42,19 @@ class CycleStep:
         return CycleStep(float(position[0]), float(position[1]), float(yaw))
 
 
-def extend_cyclically(poses: Poses, cycle: CycleStep, before: int, after: int) -> Poses:
-    """Continue a closed cycle by some frames on either side."""
+def continued(frames: NDArray[np.int_], num_frames: int, is_cycle: bool) -> NDArray[np.int_]:
+    """Return which frames of a clip of ``num_frames`` are played at places that may lie beyond its ends.
+
+    A cycle repeats; a clip that is played once stays at its first and its last frame.
+    """
+    return frames % num_frames if is_cycle else np.clip(frames, 0, num_frames - 1)
+
+
+def extend(poses: Poses, cycle: CycleStep | None, before: int, after: int) -> Poses:
+    """Continue a clip by some frames on either side: a closed cycle repeats, without one the ends are held."""
     frames = np.arange(-before, len(poses) + after)
+    if cycle is None:
+        return poses.taken(continued(frames, len(poses), is_cycle=False))
     turns, index = np.divmod(frames, len(poses))
     steps = [cycle.repeated(turn) for turn in range(int(turns[0]), int(turns[-1]) + 1)]
     x, y, yaw = np.array([(step.x, step.y, step.yaw) for step in steps])[turns - turns[0]].T

@@ -37,6 +37,8 @@ TRUNK_FILTER = 0.02
 """The same for accelerations of the animal's trunk [s]."""
 LOW = 0.003
 """A foot whose sphere is lower than this touches the floor [m]."""
+NEAR_LOWEST, LOWEST_SHARE = 0.01, 0.05
+"""A foot this near to its lowest stands; a few frames may be lower still [m, 1]."""
 SEAM_REACH = 0.1
 """Accelerations this near to the seam are those of the seam [s]."""
 SHORTEST_STRIDE, LONGEST_STRIDE = 0.25, 1.6
@@ -47,9 +49,14 @@ HIGH_FREQUENCY = 15.0
 """[Hz]"""
 
 
-def _metric(unit: str, meaning: str) -> Any:
+def _metric(unit: str, meaning: str, **more: Any) -> Any:
     """Return a field with what a dataset says of it."""
-    return field(metadata={"units": unit, "description": meaning})
+    return field(metadata={"units": unit, "description": meaning}, **more)
+
+
+def _later(unit: str, meaning: str) -> Any:
+    """Return a field that clips of earlier versions do not have."""
+    return _metric(unit, meaning, default=float("nan"))
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,13 @@ class Fidelity:
         "m/s^2", "mean vertical acceleration of the base while no foot stands; -9.81 for a body that flies"
     )
     flight_share: float = _metric("1", "share of time that no foot stands")
+    source_standing_speed: float = _later(
+        "m/s", "median horizontal speed of the source's toes while they are within 10 mm of their lowest, scaled"
+    )
+    standing_speed: float = _later("m/s", "the same of the centres of the robot's feet, in the source's time")
+    source_penetration: float = _later(
+        "m", "deepest that a foot of the source is below the floor, where the source is a robot's motion"
+    )
 
     def as_json(self) -> dict[str, float | None]:
         """Return the metrics by name, with null for what has no meaning."""
@@ -105,15 +119,18 @@ class Fidelity:
         return cls(**{name: float("nan") if value is None else float(value) for name, value in content.items()})
 
 
-def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fidelity:
-    """Return the figures of a clip.
+def measure(
+    clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec, frames: tuple[int, int] | None = None
+) -> Fidelity:
+    """Return the figures of a clip; those of a seam are NaN if it is played once.
 
     Args:
-        clip: The clip; its origin says which frames of the motion it was made from.
+        clip: The clip.
         motion: The whole motion, scaled to the robot's size.
         spec: The robot.
+        frames: Of the motion, first and the one after the last, that the clip was made from; by default its origin's.
     """
-    start, end = clip.origin.start, clip.origin.end
+    start, end = frames or (clip.origin.start, clip.origin.end)
     step = 1.0 / motion.rate
     margin = round(CONTEXT / step)
     before = min(margin, start)
@@ -135,7 +152,7 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
     trunk = 0.5 * (near.point("pelvis") + near.point("neck"))
     slip = floor_speeds(clip, feet[margin - 1 : margin + clip.num_frames + 1], rotation, poses.joints, margin, spec)
     accelerations = horizontal_acceleration(poses.root_position, clip.frame_duration)[middle]
-    at_seam = near_seam(clip.num_frames, clip.frame_duration)
+    at_seam = near_seam(clip.num_frames, clip.frame_duration) & (clip.cycle is not None)
     knees = clip.joint_position[:, 2::3]
     flying = np.all(~clip_contact, axis=1)
     return Fidelity(
@@ -145,10 +162,11 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
         duty=float(clip_contact.mean() - contact.mean()),
         height_correlation=correlation(clip.root_position[:, 2], trunk[within, 2]),
         base_dip=dip(clip.root_position[:, 2], trunk[within, 2]),
-        seam_acceleration=float(accelerations[at_seam].max()),
+        seam_acceleration=float(accelerations[at_seam].max()) if at_seam.any() else float("nan"),
         other_acceleration=float(np.quantile(accelerations[~at_seam], 0.99)) if np.any(~at_seam) else float("nan"),
-        animal_acceleration=animal_acceleration(trunk, within, step) * (step / clip.frame_duration) ** 2,
-        seam_shift=seam_shift(near, before, before + end - start),
+        animal_acceleration=nan_if_once(clip, animal_acceleration(trunk, within, step))
+        * (step / clip.frame_duration) ** 2,
+        seam_shift=nan_if_once(clip, seam_shift(near, before, before + end - start)),
         contact_slip=float(slip.mean()) if slip.size else 0.0,
         contact_slip_95=float(np.quantile(slip, 0.95)) if slip.size else 0.0,
         penetration=float(max(-bottom.min(), 0.0)),
@@ -157,7 +175,15 @@ def measure(clip: "MotionClip", motion: KeypointMotion, spec: RobotSpec) -> Fide
         high_frequency=high_frequency_share(clip.joint_velocity, clip.frame_duration),
         flight_acceleration=flight_acceleration(poses.root_position[:, 2], flying, margin, clip.frame_duration),
         flight_share=float(flying.mean()),
+        source_standing_speed=standing_speed(toes[within], step),
+        standing_speed=standing_speed(feet[middle], step),
+        source_penetration=float(np.maximum(motion.foot_radius - toes[within][..., 2].min(), 0.0)),
     )
+
+
+def nan_if_once(clip: "MotionClip", value: float) -> float:
+    """Return a figure of the seam, or NaN for a clip that has none."""
+    return value if clip.cycle is not None else float("nan")
 
 
 def contacts_by_speed(points: Array, step: float) -> Mask:
@@ -170,6 +196,18 @@ def contacts_by_speed(points: Array, step: float) -> Mask:
     speed = np.linalg.norm(np.gradient(points, step, axis=0), axis=-1)
     fastest = maximum_filter1d(speed, 2 * round(NEARBY / step) + 1, axis=0, mode="nearest")
     return speed < SLOW_SHARE * np.maximum(fastest, SLOWEST_SWING)
+
+
+def standing_speed(points: Array, step: float) -> float:
+    """Return the median horizontal speed of feet while each is within ``NEAR_LOWEST`` of its lowest [m/s].
+
+    Args:
+        points: Toes or foot centres [m], shape [num_frames, 4, 3].
+        step: From frame to frame [s].
+    """
+    speed = np.linalg.norm(np.gradient(points[..., :2], step, axis=0), axis=-1)
+    lowest = np.quantile(points[..., 2], LOWEST_SHARE, axis=0)
+    return float(np.median(speed[points[..., 2] <= lowest + NEAR_LOWEST]))
 
 
 def swing_share(bottom: Array, toes: Array, contact: Mask) -> float:

@@ -45,6 +45,10 @@ class DogGait:
     """Height of the middle of the trunk [m]."""
     body_bob: float = 0.005
     """Amplitude of the trunk's vertical motion, twice a stride [m]."""
+    dip: float = 0.0
+    """How far the trunk goes down and up again, once in ``dip_time`` [m]."""
+    dip_time: float = 2.0
+    """[s]"""
     toe_height: float = 0.01
     """Height of the toe keypoint of a standing foot [m]."""
     brisk: bool = False
@@ -55,6 +59,9 @@ class DogGait:
         """Duration of one stride [s]."""
         return self.stride_frames / self.rate
 
+
+CROUCH = DogGait(phases=(0.0, 0.0, 0.0, 0.0), stride_frames=100_000, speed=0.0, dip=0.13)
+"""A dog that stands, goes down and rises again, for minutes: no foot is ever lifted."""
 
 TRUNK_HALF_LENGTH = 0.2
 HIP_HALF_WIDTH = 0.043
@@ -116,6 +123,7 @@ def _trunk(gait: DogGait, time: Array) -> tuple[Array, Array]:
     else:
         x, y = gait.speed * time, np.zeros_like(time)
     z = gait.body_height + gait.body_bob * np.cos(4.0 * np.pi * time / gait.stride_time)
+    z -= gait.dip * np.sin(np.pi * time / gait.dip_time) ** 2
     return np.stack([x, y, z], axis=-1), heading
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from kine2go_warp.errors import ClipError
 
@@ -38,6 +39,8 @@ class KeypointMotion:
     """What was repaired in the file."""
     notes: tuple[str, ...] = ()
     """What the file was taken for."""
+    foot_radius: float = float("nan")
+    """Of the balls whose centres the toes are [m]; NaN for an animal."""
 
     def __post_init__(self) -> None:
         if self.position.shape != (len(self.time), len(KEYPOINTS), 3):
@@ -72,9 +75,38 @@ class KeypointMotion:
         """Return the frames ``start`` to ``stop`` (exclusive)."""
         return replace(self, time=self.time[start:stop], position=self.position[start:stop])
 
+    def played_once(self, start: int, end: int, hold: float, slow_down: float, margin: float) -> "KeypointMotion":
+        """Return a range that comes from rest and to rest, between poses that are held.
+
+        The points stay on their ways. Only the time at which they pass changes: the speed of the range rises from
+        nothing within ``slow_down`` and falls to nothing again, without a jump of speed or acceleration.
+
+        Args:
+            start: First frame of the range.
+            end: The frame after its last.
+            hold: Time for which the first and the last pose are held [s].
+            slow_down: Time of each change of speed [s]; at most the time that the range has.
+            margin: Time by which they are held longer, to have something beyond the ends [s].
+        """
+        step, last = 1.0 / self.rate, end - 1 - start
+        ramp = 2 * min(round(0.5 * slow_down / step), last // 2)
+        held = round(hold / step) + round(margin / step)
+        frames = np.clip(np.arange(-held, last + ramp + held + 1), 0, last + ramp)
+        from_end = last + ramp - frames
+
+        def passed(frame: NDArray[np.float64]) -> NDArray[np.float64]:
+            # The integral of 3 x^2 - 2 x^3, in frames of the range.
+            x = np.clip(frame / max(ramp, 1), 0.0, 1.0)
+            return ramp * (x**3 - 0.5 * x**4) + np.maximum(frame - ramp, 0.0)
+
+        near_start = frames <= from_end
+        places = np.where(near_start, passed(frames.astype(float)), last - passed(from_end.astype(float)))
+        position = CubicSpline(np.arange(last + 1), self.position[start:end])(places)
+        return replace(self, time=step * np.arange(len(places)), position=position)
+
     def scaled(self, factor: float) -> "KeypointMotion":
         """Return the motion of an animal ``factor`` times as large."""
-        return replace(self, position=self.position * factor)
+        return replace(self, position=self.position * factor, foot_radius=self.foot_radius * factor)
 
 
 @dataclass(frozen=True)

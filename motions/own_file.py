@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import CatalogueError, ClipError
 from kine2go_warp.motions.catalogue import DEFAULT_LENGTH, CatalogueEntry
+from kine2go_warp.motions.clip import Kind
 from kine2go_warp.motions.config import LEAST_WAY
 from kine2go_warp.motions.cycle_search import CycleCandidate, cycle_frames, find_cycles
 from kine2go_warp.motions.examination import UNITS
@@ -49,6 +50,8 @@ class OwnFile:
     rate: float = 0.0
     """Frames per second of a file that cannot tell its own [Hz]."""
     citation: str = ""
+    kind: Kind = "cycle"
+    """Whether its clip is repeated, or played once."""
 
     def entry(self, own: Path | None = None) -> CatalogueEntry:
         """Return the entry that a catalogue would have.
@@ -82,6 +85,7 @@ class OwnFile:
             citation=self.citation,
             folder=str(self.path.resolve().parent),
             dialect=own_dialects(own).get(reader.name),
+            kind=self.kind,
         )
 
     def reader(self, own: Path | None = None) -> MotionSource:
@@ -151,27 +155,38 @@ class Introduction:
         if self.is_new and isinstance(self.source, PointSource):
             lines += ["", *source_table(self.source.name, self.source.dialect)]
         start, end = (0, -1) if self.cycle is None else (self.cycle.start, self.cycle.end)
-        file = OwnFile(Path(self.path.name), "", name, self.source.name, FrameRange(start, end))
-        lines += ["", *motion_table(replace(file, rate=0.0 if self.source.tells_rate else self.motion.rate))]
+        file = OwnFile(
+            Path(self.path.name),
+            "",
+            name,
+            self.source.name,
+            FrameRange(start, end),
+            0.0 if self.source.tells_rate else self.motion.rate,
+            kind="cycle" if self.cycle else "once",
+        )
+        lines += ["", *motion_table(file)]
         return "\n".join(lines) + "\n"
 
 
 def motion_table(file: OwnFile, **more: object) -> list[str]:
     """Return the lines of the [[motion]] of a file with a name and a source, with more keys where they are stated."""
-    unlicensed = "" if file.licence else '  # as in "CC BY 4.0"; it goes with the data'
+    once = {"kind": "once"} if file.kind == "once" else {}
     values = {
         "name": file.name,
         "file": str(file.path),
         "source": file.source,
         "start": file.frames.start,
         "end": file.frames.end,
+        **once,
         "licence": file.licence,
         "citation": file.citation,
         **({"rate": file.rate} if file.rate else {}),
         **more,
     }
-    lines = [f"{key} = {json.dumps(value)}{unlicensed if key == 'licence' else ''}" for key, value in values.items()]
-    return ["[[motion]]", *lines]
+    notes = {"kind": "  # played from hold to hold; hold = 1.0 would hold its ends for 1 s"}
+    if not file.licence:
+        notes["licence"] = '  # as in "CC BY 4.0"; it goes with the data'
+    return ["[[motion]]", *(f"{key} = {json.dumps(value)}{notes.get(key, '')}" for key, value in values.items())]
 
 
 def source_table(name: str, dialect: PointsDialect) -> list[str]:

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from kine2go_warp.motions.body import lowest_body_point
+from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.retarget import Retargeted
 from kine2go_warp.robots import RobotSpec
@@ -24,6 +26,10 @@ SHORTEST_WAY = 0.02
 LEAST_ACCELERATION = 0.1
 """Bases that accelerate by less elsewhere may do so by as much at the seam: a generated animal goes at one speed
 [m/s^2]."""
+NEAR_FLOOR = 0.005
+"""What is this near to the floor stands on it [m]."""
+LARGEST_LEAN = 0.03
+"""A base that is this far outside its feet can still be held [m]: it is not the centre of mass."""
 FRICTION_ACCELERATION = 7.8
 """What feet can give to a body by friction of 0.8 [m/s^2]."""
 
@@ -49,9 +55,9 @@ class ClipQuality:
     seam_score: float | None
     """How far the source is from repeating itself across the seam, in standard deviations of the motion; none where the
     file ends with the range."""
-    seam_jump: float
-    """Mean way of the feet across the seam, over the mean of all frames."""
-    seam_step: float
+    seam_jump: float | None
+    """Mean way of the feet across the seam, over the mean of all frames; none of a motion played once."""
+    seam_step: float | None
     """The same over the mean of the frames next to the seam: 1 for a seam that cannot be seen."""
     speed: float
     """Mean speed of the base in the ground plane [m/s]."""
@@ -66,6 +72,8 @@ class ClipQuality:
     """How truly it moves as the animal does."""
     source_remarks: tuple[str, ...] = ()
     """What was repaired in the file."""
+    support_faults: tuple[str, ...] = ()
+    """Why the first or the last pose of a motion that is played once cannot be held."""
 
 
 def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
@@ -91,8 +99,8 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         joint_margin=float(margin.min()),
         speed_share=float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max()),
         seam_score=None if np.isnan(retargeted.seam_score) else retargeted.seam_score,
-        seam_jump=seam_step(steps, steps[:-1].mean()),
-        seam_step=seam_step(steps, 0.5 * (steps[-2] + steps[0])),
+        seam_jump=None if clip.cycle is None else seam_step(steps, steps[:-1].mean()),
+        seam_step=None if clip.cycle is None else seam_step(steps, 0.5 * (steps[-2] + steps[0])),
         speed=float(path / clip.period),
         path_error=float(path / retargeted.source_path_length - 1.0) if retargeted.source_path_length > 1e-6 else 0.0,
         slow_down=clip.slow_down,
@@ -100,7 +108,38 @@ def assess(retargeted: Retargeted, spec: RobotSpec) -> ClipQuality:
         end=clip.origin.end,
         fidelity=clip.fidelity,
         source_remarks=retargeted.remarks,
+        support_faults=support_faults(clip),
     )
+
+
+def support_faults(clip: MotionClip) -> tuple[str, ...]:
+    """Return why the first or the last pose of a clip that is played once cannot be held, if so."""
+    if clip.cycle is not None:
+        return ()
+    spec, ends = clip.spec, [0, -1]
+    body = lowest_body_point(spec, clip.root_position[ends], clip.root_orientation[ends], clip.joint_position[ends])
+    faults = []
+    for name, frame, height in zip(("first", "last"), ends, body, strict=True):
+        feet = clip.foot_position[frame]
+        ground = feet[feet[:, 2] - spec.foot_radius < NEAR_FLOOR, :2] - clip.root_position[frame, :2]
+        if height < NEAR_FLOOR:
+            continue
+        lean = distance_to_hull(ground)
+        if len(ground) < 3 or lean > LARGEST_LEAN:
+            why = (
+                f"{len(ground)} feet stand" if len(ground) < 3 else f"the base is {1e3 * lean:.0f} mm outside its feet"
+            )
+            faults.append(f"the {name} pose cannot be held: {why}; choose a range that begins and ends in a stand")
+    return tuple(faults)
+
+
+def distance_to_hull(points: Array) -> float:
+    """Return how far the origin is from the convex hull of points, shape [num_points, 2]."""
+    # Shares of the points that add up to one, by least squares with a heavy row for their sum.
+    weight = 1e3
+    rows = np.vstack([points.T, np.full(len(points), weight)])
+    shares, _ = nnls(rows, np.array([0.0, 0.0, weight]))
+    return float(np.linalg.norm(shares @ points))
 
 
 def seam_step(steps: Array, normal: float) -> float:
@@ -138,15 +177,16 @@ def clip_faults(quality: ClipQuality) -> list[str]:
     A seam is one to complain of when it is large against the mean step *and* against those beside it: feet in a swing
     move faster than the mean without any seam.
     """
-    ours, faults = quality.fidelity, []
+    ours, faults = quality.fidelity, list(quality.support_faults)
     if quality.period < SHORTEST_CYCLE * 0.999:
         faults.append(f"a cycle of {quality.period:.2f} s holds no stride")
     if quality.penetration > 0.002:
         faults.append(f"penetration {1e3 * quality.penetration:.1f} mm")
     if ours.contact_slip > 0.05:
         faults.append(f"slip {ours.contact_slip:.3f} m/s of feet on the floor")
-    if min(quality.seam_jump, quality.seam_step) > LARGEST_JUMP:
-        faults.append(f"seam jump {quality.seam_jump:.2f} mean steps, {quality.seam_step:.2f} of those beside it")
+    jump, step = quality.seam_jump, quality.seam_step
+    if jump is not None and step is not None and min(jump, step) > LARGEST_JUMP:
+        faults.append(f"seam jump {jump:.2f} mean steps, {step:.2f} of those beside it")
     if abs(ours.seam_shift) > 0.1:
         faults.append(f"the legs are {ours.seam_shift:+.2f} strides off across the seam")
     if abs(quality.path_error) > 0.05 and abs(quality.path_error) * quality.speed * quality.period > SHORTEST_WAY:

@@ -20,9 +20,9 @@ from kine2go_warp.motions.body import (
     smooth_shift,
 )
 from kine2go_warp.motions.catalogue import CatalogueEntry
-from kine2go_warp.motions.clip import ClipOrigin, MotionClip, assemble_clip
+from kine2go_warp.motions.clip import ClipOrigin, Kind, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
-from kine2go_warp.motions.cycle import CycleStep, close_cycle, extend_cyclically
+from kine2go_warp.motions.cycle import CycleStep, close_cycle, continued, extend
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.fidelity import measure
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
@@ -47,7 +47,7 @@ RATE_TOLERANCE = 0.01
 FLOOR_PASSES = 3
 """How often the base is raised until no part of the body is below the floor."""
 CONTEXT = 1.0
-"""How far beyond the range stances are looked for, so that none is cut [s]."""
+"""How far beyond the range stances are looked for, so that none is cut [s]; a motion played once is held so long."""
 ROLLING_PASSES = 2
 """How often the rolling of the feet is worked out from the legs that follow from it."""
 LARGEST_DIP = 0.01
@@ -56,13 +56,15 @@ LARGEST_DIP = 0.01
 
 @dataclass(frozen=True)
 class SelectedRange:
-    """The frames of a motion that become one cycle."""
+    """The frames of a motion that become one clip."""
 
     name: str
+    kind: Kind
+    """Whether they become a cycle, or begin and end at rest."""
     targets: Poses
-    """With feet: the frames of the cycle and the two after them, extrapolated where the file ends."""
+    """With feet: the frames of the clip and the two after them, extrapolated where the file ends."""
     stance: NDArray[np.bool_]
-    """Whether the animal's feet stand, for the frames of the cycle, shape [num_frames, 4]."""
+    """Whether the animal's feet stand, for the frames of the clip, shape [num_frames, 4]."""
     frame_duration: float
     """Of the source [s]."""
     time_scale: float
@@ -71,7 +73,7 @@ class SelectedRange:
 
     @property
     def num_frames(self) -> int:
-        """Frames of the cycle."""
+        """Frames of the clip."""
         return len(self.stance)
 
 
@@ -97,7 +99,8 @@ def retarget(
     """Retarget one catalogue entry.
 
     The range of T frames becomes a cycle of T frames; the frame after the range, if the file has one, tells where the
-    next cycle begins.
+    next cycle begins. A motion that is played once is slowed to rest at its ends, which are held
+    (``KeypointMotion.played_once``).
 
     Raises:
         ClipError: the file or the range cannot be used.
@@ -113,18 +116,26 @@ def retarget(
     scale = source.proportions(solver.spec).scale
     scaled = motion.scaled(scale)
     standing = standing_height(scaled)
-    targets = pose_targets(motion, source, solver.spec, standing)
-    if config.mode == "contact":
-        start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
     origin = entry.origin(path, start, end, motion.rate)
+    if entry.kind == "once":
+        hold = config.hold if entry.hold is None else entry.hold
+        motion = motion.played_once(start, end, hold, config.slow_down_time, CONTEXT)
+        scaled, start = motion.scaled(scale), round(CONTEXT * motion.rate)
+        end = motion.num_frames - start
+    targets = pose_targets(motion, source, solver.spec, standing)
+    if config.mode == "contact" and entry.kind == "cycle":
+        start, end = best_cycle(targets, start, end, round(config.search_time * motion.rate))
+        origin = replace(origin, start=start, end=end)
     time_scale = scale**0.5 if config.time_scale == "froude" else config.time_scale
-    selected = select(entry.name, targets, scaled.points("toe"), origin, time_scale, solver.spec, config)
+    near, stance = select(targets, scaled.points("toe"), (start, end), 1.0 / motion.rate, solver.spec, config)
+    selected = SelectedRange(entry.name, entry.kind, near, stance, 1.0 / origin.source_rate, time_scale, origin)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip, moved = make(selected, solver, config)
     keypoints = keypoints_of(clip, scaled, float(standing.mean()), targets, start, end)
-    clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec))
+    clip = replace(clip, keypoints=keypoints, fidelity=measure(clip, scaled, solver.spec, (start, end)))
     steps = np.linalg.norm(np.diff(selected.targets.root_position[: end - start + 1, :2], axis=0), axis=1)
-    score = seam_score(targets, start, end) if end < motion.num_frames else float("nan")
+    has_score = entry.kind == "cycle" and end < motion.num_frames
+    score = seam_score(targets, start, end) if has_score else float("nan")
     heights = clip.foot_position[..., 2] - solver.spec.foot_radius
     remarks = motion.remarks + entry.file_remarks(origin.sha256) + reach_remarks(heights)
     if entry.mirrored:
@@ -133,19 +144,16 @@ def retarget(
 
 
 def select(
-    name: str,
-    targets: Poses,
-    toes: Array,
-    origin: ClipOrigin,
-    time_scale: float,
-    spec: RobotSpec,
-    config: RetargetConfig,
-) -> SelectedRange:
+    targets: Poses, toes: Array, frames: tuple[int, int], step: float, spec: RobotSpec, config: RetargetConfig
+) -> tuple[Poses, NDArray[np.bool_]]:
     """Cut a range out of a motion, its base smoothed and its stances detected with what lies around it.
 
     The animal's toes tell when a foot stands: the robot's feet are farther apart, so that a turn moves them.
+
+    Returns:
+        ``SelectedRange.targets`` and ``SelectedRange.stance``.
     """
-    step, start, end = 1.0 / origin.source_rate, origin.start, origin.end
+    start, end = frames
     context = round(CONTEXT / step)
     first = max(start - context, 0)
     near = targets.frames(first, end + context)
@@ -158,7 +166,7 @@ def select(
         near = replace(near, root_position=position, root_orientation=orientation)
     chosen = near.frames(start - first, end + 2 - first)
     chosen = chosen.extrapolated(end - start + 2 - len(chosen))
-    return SelectedRange(name, chosen, stance[start - first : end - first], step, time_scale, origin)
+    return chosen, stance[start - first : end - first]
 
 
 def keypoints_of(
@@ -184,24 +192,25 @@ def retarget_plain(
 ) -> tuple[MotionClip, float]:
     """Follow the paper's rule: inverse kinematics frame by frame, then a blended seam in joint space."""
     solved, residual = solver.solve(selected.targets)
-    closed, cycle = close_cycle(solved, selected.num_frames, config.blend_time / selected.frame_duration)
+    closed, cycle = closed_at_ends(selected, solved, config)
     return clip_of(selected, closed, selected.stance, residual[: selected.num_frames], cycle, solver.spec), 0.0
 
 
 def retarget_contacts(
     selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
 ) -> tuple[MotionClip, float]:
-    """Close the cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
+    """Close a cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
 
     Returns the clip, and by how far a foot was moved for its leg to reach it at most [m].
 
-    All of it is done on the cycle continued on both sides, so that what comes out in the middle is periodic.
+    All of it is done on the clip continued on both sides, so that what comes out in the middle is periodic, or at rest
+    at its ends.
     """
     frame_duration, num_frames = selected.frame_duration, selected.num_frames
-    closed, cycle = close_cycle(selected.targets, num_frames, config.blend_time / frame_duration)
+    closed, cycle = closed_at_ends(selected, selected.targets, config)
     margin = round(MARGIN_TIME / frame_duration) + longest_stance(selected.stance)
-    longer = extend_cyclically(closed, cycle, margin, margin)
-    stance = selected.stance[np.arange(-margin, num_frames + margin) % num_frames]
+    longer = extend(closed, cycle, margin, margin)
+    stance = selected.stance[continued(np.arange(-margin, num_frames + margin), num_frames, cycle is not None)]
     longer, stance, moved = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
     if config.time_scale == "froude":
         longer = fly(longer, stance, GRAVITY * (selected.time_scale * frame_duration) ** 2, frame_duration)
@@ -210,10 +219,17 @@ def retarget_contacts(
     around = longer.frames(margin - first, margin + num_frames + first)
     solved, residual = solver.solve(above_floor(around, frame_duration, solver.spec))
     middle = slice(first, first + num_frames)
-    step = cycle_between(solved, first, num_frames)
+    step = None if cycle is None else cycle_between(solved, first, num_frames)
     poses = solved.frames(middle.start, middle.stop).recentred()
     clip = clip_of(selected, poses, stance[margin : margin + num_frames], residual[middle], step, solver.spec)
     return slowed_to_motors(clip, solver.spec), float(moved[margin : margin + num_frames].max())
+
+
+def closed_at_ends(selected: SelectedRange, poses: Poses, config: RetargetConfig) -> tuple[Poses, CycleStep | None]:
+    """Return the poses of a clip, recentred, and where its cycle leads; what is played once needs no closing."""
+    if selected.kind == "once":
+        return poses.frames(0, selected.num_frames).recentred(), None
+    return close_cycle(poses, selected.num_frames, config.blend_time / selected.frame_duration)
 
 
 def longest_stance(stance: NDArray[np.bool_]) -> int:
@@ -227,7 +243,7 @@ def clip_of(
     poses: Poses,
     stance: NDArray[np.bool_],
     residual: Array,
-    cycle: CycleStep,
+    cycle: CycleStep | None,
     spec: RobotSpec,
 ) -> MotionClip:
     """Return the clip of a range."""

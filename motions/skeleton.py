@@ -1,4 +1,4 @@
-"""The source's keypoints over a clip's cycle, to look at beside the robot."""
+"""The source's keypoints over a clip, to look at beside the robot."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.motions.cycle import CycleStep
+from kine2go_warp.motions.cycle import CycleStep, continued
 from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.quantities import MIRRORED_LEGS, MIRRORED_SIGNS
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Points of an animal over one cycle, and the bones between them.
+    """Points of an animal over one clip, and the bones between them.
 
     They are in the robot's size and in the world frame of the clip, but otherwise as the source has them: neither
     smoothed nor closed to a cycle, so the seam shows.
@@ -37,18 +37,24 @@ class Skeleton:
         if not all(0 <= point < count for bone in self.bones for point in bone):
             raise ValueError(f"bones {self.bones} lead beyond the {count} keypoints")
 
-    def over_cycles(self, cycle: CycleStep, cycles: int) -> Array:
-        """Return the points over some cycles [m], shape [cycles * num_frames, num_points, 3]."""
+    def over_cycles(self, cycle: CycleStep | None, cycles: int) -> Array:
+        """Return the points over some cycles [m], shape [cycles * num_frames, num_points, 3].
+
+        Without ``cycle`` they stay where they are at the end.
+        """
+        if cycle is None:
+            frames = np.arange(cycles * len(self.position))
+            return self.position[continued(frames, len(self.position), is_cycle=False)]
         steps = [cycle.repeated(turn) for turn in range(cycles)]
         parts = [turn_planar(self.position, step.yaw) + np.array([step.x, step.y, 0.0]) for step in steps]
         return np.concatenate(parts)
 
-    def resampled(self, places: Array, cycle: CycleStep) -> "Skeleton":
+    def resampled(self, places: Array, cycle: CycleStep | None) -> "Skeleton":
         """Return the points at places between the frames, interpolated linearly.
 
         Args:
             places: In frames, at least 0 and less than the number of frames, shape [num_places].
-            cycle: Displacement of one cycle.
+            cycle: Displacement of one cycle, if it is one.
         """
         longer = self.over_cycles(cycle, 2)
         before = np.floor(places).astype(int)
@@ -95,7 +101,7 @@ def skeleton_at(
     clip's as well as it can.
 
     Args:
-        motion: The frames of the cycle, in the robot's size.
+        motion: The frames of the clip, in the robot's size.
         floor: Height of the animal's floor [m].
         source_root: Positions [m] and orientations (w, x, y, z) of the base that the keypoints ask for, frame by frame.
         clip_root: The same of the clip.

@@ -36,6 +36,8 @@ BEYOND_LIMITS = 0.1
 FOOT_HEIGHTS = -0.1, 1.0
 """Between these heights the lowest foot of a clip lies [m]."""
 UNIT_TOLERANCE = 1e-3
+AT_REST = 0.2
+"""Greatest speed of a joint [rad/s], or of the base along an axis [m/s], at the ends of a clip that is played once."""
 SAME_TOLERANCE = 1e-3
 """How far stored velocities and feet may be from those that follow from the poses, relative to the largest."""
 
@@ -52,6 +54,7 @@ def validate(clip: "MotionClip", path: Path) -> None:
     check_numbers(clip, path)
     spec = clip.spec
     check_joints(clip, spec, path)
+    check_ends(clip, path)
     check_derived(clip, spec, path)
 
 
@@ -74,7 +77,8 @@ def check_arrays(clip: "MotionClip", path: Path) -> None:
 def check_numbers(clip: "MotionClip", path: Path) -> None:
     """Refuse durations, cycles and orientations that no motion has."""
     numbers = {name: getattr(clip, name) for name in ("frame_duration", "slow_down", "time_scale")}
-    numbers |= {f"cycle.{item.name}": getattr(clip.cycle, item.name) for item in fields(clip.cycle)}
+    if clip.cycle is not None:
+        numbers |= {f"cycle.{item.name}": getattr(clip.cycle, item.name) for item in fields(clip.cycle)}
     for name, value in numbers.items():
         if not isinstance(value, int | float) or isinstance(value, bool) or not np.isfinite(value):
             raise ClipError(f"{path}: {name} is {value!r:.40}, not a finite number; retarget it again")
@@ -103,6 +107,16 @@ def check_joints(clip: "MotionClip", spec: RobotSpec, path: Path) -> None:
     lowest, (least, most) = float(clip.foot_position[..., 2].min()), FOOT_HEIGHTS
     if not least <= lowest <= most:
         raise ClipError(f"{path}: the lowest foot is {lowest:.3g} m over the floor, not within {least:g} to {most:g} m")
+
+
+def check_ends(clip: "MotionClip", path: Path) -> None:
+    """Refuse a clip that is played once and moves at its ends."""
+    if clip.cycle is not None:
+        return
+    moved = [*clip.joint_position.T, *clip.root_position.T]
+    fastest = max(abs(float(one[place + 1] - one[place])) for one in moved for place in (0, -2)) / clip.frame_duration
+    if fastest > AT_REST:
+        raise ClipError(f"{path}: it is played once, but moves at {fastest:.2g} rad/s or m/s at an end; hold its ends")
 
 
 def check_derived(clip: "MotionClip", spec: RobotSpec, path: Path) -> None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.quantities import MIRRORED_LEGS, MIRRORED_SIGNS, mirrored
@@ -27,6 +28,9 @@ class Variation:
         """Return the clip varied: first mirrored, then at its pace, then with the offsets. It is as periodic as before.
 
         Joint positions stay those of the clip, so with an offset of the speed standing feet slide in the reference.
+
+        Raises:
+            ClipError: it has an offset, but the clip is played once: its ends must be at rest.
         """
         if self == Variation():
             return clip
@@ -40,6 +44,8 @@ class Variation:
 
     def _bent(self, clip: MotionClip) -> MotionClip:
         """Return poses and displacement of a clip whose root goes on with the offsets added."""
+        if clip.cycle is None:
+            raise ClipError(f"{clip.name} is played once and takes no speed_offset or turn_offset")
         poses = clip.extended(0, 1)
         yaw = np.unwrap(heading(poses.root_orientation))
         angle = self.turn_offset * clip.frame_duration * np.arange(clip.num_frames + 1)
@@ -66,5 +72,5 @@ def mirror_image(clip: MotionClip) -> MotionClip:
         joint_position=clip.joint_position[:, list(places)] * signs,
         stance=clip.stance[:, legs],
         keypoints=None if clip.keypoints is None else clip.keypoints.mirrored(),
-        cycle=CycleStep(clip.cycle.x, -clip.cycle.y, -clip.cycle.yaw),
+        cycle=None if clip.cycle is None else CycleStep(clip.cycle.x, -clip.cycle.y, -clip.cycle.yaw),
     )

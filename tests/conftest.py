@@ -19,7 +19,6 @@ from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.errors import RenderError
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.motions.catalogue import motion_named
 from kine2go_warp.motions.clip import MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
@@ -32,6 +31,7 @@ from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import MILD, GatherConfig
 from kine2go_warp.rollouts.gather import gather
 from kine2go_warp.rollouts.quality import filter_rollouts
+from kine2go_warp.training.train import train
 from tests.walks import write_walks
 
 REPOSITORY = Path(__file__).parent.parent
@@ -75,6 +75,13 @@ def solver() -> InverseKinematics:
 def clip(solver: InverseKinematics) -> MotionClip:
     """The bundled dog trot on the robot."""
     return retarget(motion_named("dog_trot"), None, solver, RetargetConfig()).clip
+
+
+@pytest.fixture(scope="session")
+def once_clip(solver: InverseKinematics) -> MotionClip:
+    """The first stride of the bundled trot, played once: from a stand over a trot to a stand, each held for 0.2 s."""
+    entry = replace(motion_named("dog_trot"), name="start_and_stop", kind="once", hold=0.2)
+    return retarget(entry, None, solver, RetargetConfig()).clip
 
 
 @pytest.fixture(scope="session")

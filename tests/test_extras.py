@@ -17,7 +17,7 @@ DATA = ["dataset", "dataset.writer", "cli.main", "settings"]
 PARTS = {
     "": DATA,
     "retarget": ["motions.retarget", "motions.inverse_kinematics", "motions.report"],
-    "train": ["learning.train", "learning.runner", "rollouts.gather", "rollouts.collector", "evaluation.evaluate"],
+    "train": ["training.train", "training.runner", "rollouts.gather", "rollouts.collector", "evaluation.evaluate"],
     "review": ["recordings.motion", "recordings.viewer", "renders.renderer", "reports.report", "scores.report"],
     "export": ["exports.lerobot", "exports.npz"],
     "deploy": ["deployment.controller", "deployment.observer"],

@@ -12,10 +12,10 @@ from kine2go_warp.bench.measurement import BenchReport, Measurement, resident_me
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import position_driven_model
-from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots.compiled import mujoco
+from kine2go_warp.training.parallel import ParallelVecEnv
 
 OUTPUT_NOISE = 0.4
 """Standard deviation of the random outputs that drive the robots: that of an untrained policy."""

@@ -8,11 +8,11 @@ from kine2go_warp.bench.measurement import BenchReport, Measurement
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.metrics import FILTER_METRICS
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import GatherResult, gather
+from kine2go_warp.training.train import train
 
 NO_LIMIT = 1e9
 

@@ -11,11 +11,11 @@ import warp as wp
 from kine2go_warp.bench.environment import random_outputs, used_memory
 from kine2go_warp.bench.measurement import BenchReport, Measurement, timed
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.presets import Preset
-from kine2go_warp.learning.runner import ImitationRunner, TrainingProgress
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.training.parallel import ParallelVecEnv
+from kine2go_warp.training.runner import ImitationRunner, TrainingProgress
 
 WARM_UP = 2
 """Iterations that are not counted."""

@@ -39,6 +39,8 @@ class OwnFileOptions:
     """Licence of a file of your own; it goes with the data that are made of it."""
     citation: str = ""
     """Whom to name for a file of your own."""
+    once: bool = False
+    """The motion in a file of your own is played once, between poses that are held, instead of being repeated."""
     mirror: bool = False
     """Also the mirror image of a file of your own, as NAME_mirrored."""
 
@@ -53,7 +55,14 @@ class OwnFileOptions:
 
         licence = licence_for(path, self.licence)
         return OwnFile(
-            path, licence, self.name, self.source, parsed_range(self.frames), rate_in_hz(self.rate), self.citation
+            path,
+            licence,
+            self.name,
+            self.source,
+            parsed_range(self.frames),
+            rate_in_hz(self.rate),
+            self.citation,
+            "once" if self.once else "cycle",
         ).entry(own)
 
 

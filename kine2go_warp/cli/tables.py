@@ -1,6 +1,7 @@
 """Tables of results on standard output."""
 
 import importlib.metadata
+import math
 import platform
 import textwrap
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
     from kine2go_warp.dataset.summary import MotionSummary
     from kine2go_warp.motions.fetch import FileState
+    from kine2go_warp.motions.fidelity import Fidelity
     from kine2go_warp.motions.quality import ClipQuality
     from kine2go_warp.rollouts.gather import GatherResult
     from kine2go_warp.rollouts.replay import ReplayResult
@@ -180,9 +182,17 @@ def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engi
     print_table(make_table(title, headings, rows, ("motion", "device")))
 
 
+def depths(fidelity: "Fidelity") -> list[float]:
+    """Return how deep feet are below the floor in the source, where that has feet of a known size, and in the clip."""
+    return [depth for depth in (fidelity.source_penetration, fidelity.penetration) if not math.isnan(depth)]
+
+
 def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]], folder: Path) -> None:
     """Print the metrics of retargeted clips."""
-    headings = ("clip", "frames", "period", "speed", "pitch", "swings", "duty", "height", "seam", "slip", "remarks")
+    headings = (
+        *("clip", "frames", "period", "speed", "pitch", "swings", "duty", "height", "seam", "slip"),
+        *("standing feet before and after", "depth", "remarks"),
+    )
     rows = [
         (
             row.name,
@@ -195,6 +205,8 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
             f"r {row.fidelity.height_correlation:.2f}",
             f"{row.fidelity.seam_acceleration:.1f} m/s^2",
             f"{row.fidelity.contact_slip:.3f} m/s",
+            f"{row.fidelity.source_standing_speed:.2f} {row.fidelity.standing_speed:.2f} m/s",
+            " ".join(f"{1e3 * depth:.0f}" for depth in depths(row.fidelity)) + " mm",
             "; ".join(remarks[row.name]),
         )
         for row in qualities

@@ -79,8 +79,8 @@ class Train:
         from kine2go_warp.cli.watching import watching
         from kine2go_warp.device import choose_device, choose_processes
         from kine2go_warp.interruption import StopRequest
-        from kine2go_warp.learning.train import train
         from kine2go_warp.motions.clip import MotionClip, robot_of
+        from kine2go_warp.training.train import train
 
         settings = self.settings()
         if self.print_config:

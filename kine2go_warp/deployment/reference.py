@@ -1,4 +1,4 @@
-"""A clip that is played on and on from a chosen place in the world, in NumPy."""
+"""A clip that is played from a chosen place in the world, on and on or once, in NumPy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.deployment.rotations import about_z, between, heading, to_matrix
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.cycle import CycleStep, continued
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ class Pose:
 
 
 class PlacedClip:
-    """The reference of one episode: every cycle begins where the last one has led."""
+    """The reference of one episode: cycles begin where the last one has led; a clip played once stays at its end."""
 
     def __init__(self, clip: MotionClip, control_rate: float) -> None:
         self.clip = clip
@@ -37,18 +38,19 @@ class PlacedClip:
         """Choose where the episode begins.
 
         Args:
-            phase: Place in the cycle, in [0, 1).
+            phase: Place in the clip, in [0, 1).
             ground: Where the reference root stands at the beginning [m].
             turn: By how much the whole clip is turned about the vertical axis [rad].
         """
-        self.start_frame = phase * self.clip.num_frames
+        self.start_frame = phase * self.clip.span
         self._cycles = [Pose(np.zeros(3), about_z(turn))]
         beginning = self.root(0.0).position
         self._cycles = [Pose(np.array([ground[0] - beginning[0], ground[1] - beginning[1], 0.0]), about_z(turn))]
 
     def phase(self, step: float) -> float:
-        """Return the place in the cycle ``step`` control steps into the episode, in [0, 1)."""
-        return (self._frame(step) / self.clip.num_frames) % 1.0
+        """Return the place in the clip ``step`` control steps into the episode: in [0, 1), or up to 1 at an end."""
+        turns = self._frame(step) / self.clip.span
+        return turns if self.clip.cycle is None else turns % 1.0
 
     def root(self, step: float) -> Pose:
         """Return the root ``step`` control steps into the episode."""
@@ -68,12 +70,13 @@ class PlacedClip:
     def _joints(self, values: NDArray[Any], step: float) -> Array:
         """Interpolate between two frames; a cycle ends where it began."""
         whole, fraction = self._split(step)
-        count = self.clip.num_frames
-        return (1.0 - fraction) * values[whole % count] + fraction * values[(whole + 1) % count]
+        one, other = continued(np.array([whole, whole + 1]), self.clip.num_frames, self.clip.cycle is not None)
+        return (1.0 - fraction) * values[one] + fraction * values[other]
 
     def _frame(self, step: float) -> float:
-        """Return the place in the clip [frames], which grows without bound."""
-        return self.start_frame + step * self.frames_per_step
+        """Return the place in the clip [frames]: it grows without bound, but for a clip played once."""
+        frame = self.start_frame + step * self.frames_per_step
+        return frame if self.clip.cycle is not None else min(max(frame, 0.0), float(self.clip.span))
 
     def _split(self, step: float) -> tuple[int, float]:
         """Return whole frames and the rest."""
@@ -83,14 +86,15 @@ class PlacedClip:
 
     def _whole_frame(self, frame: int) -> Pose:
         """Return the root at a whole frame, placed in the world."""
-        cycle, index = divmod(frame, self.clip.num_frames)
+        index = int(continued(np.array(frame), self.clip.num_frames, self.clip.cycle is not None))
+        cycle = (frame - index) // self.clip.num_frames if self.clip.cycle is not None else 0
         frame_of_cycle = self._cycle(cycle)
         position = frame_of_cycle.position + frame_of_cycle.rotation @ self.clip.root_position[index]
         return Pose(position, frame_of_cycle.rotation @ self._rotations[index])
 
     def _cycle(self, number: int) -> Pose:
         """Return where a cycle's own origin lies: each is moved on from the one before by the displacement."""
-        step = self.clip.cycle
+        step = self.clip.cycle or CycleStep(0.0, 0.0, 0.0)
         while len(self._cycles) <= number:
             last = self._cycles[-1]
             position = last.position + last.rotation @ np.array([step.x, step.y, 0.0])

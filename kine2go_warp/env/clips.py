@@ -9,6 +9,7 @@ from kine2go_warp.env.terrain import FLAT
 from kine2go_warp.errors import ClipError
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, ReferenceState
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.cycle import CycleStep
 
 
 def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: wp.Device) -> ReferenceClips:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
@@ -26,7 +27,8 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
         return np.concatenate([getattr(clip, field) for clip in clips]).astype(np.float32)
 
     lengths = np.array([clip.num_frames for clip in clips])
-    steps = [[clip.cycle.x, clip.cycle.y] for clip in clips]
+    cycles = [CycleStep(0.0, 0.0, 0.0) if clip.cycle is None else clip.cycle for clip in clips]
+    steps = [[cycle.x, cycle.y] for cycle in cycles]
     reference = ReferenceClips()
     reference.root_position = wp.array(packed("root_position"), dtype=wp.vec3, device=device)
     reference.root_orientation = wp.array(packed("root_orientation")[:, [1, 2, 3, 0]], dtype=wp.quat, device=device)
@@ -36,11 +38,12 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
     reference.joint_velocity = wp.array(packed("joint_velocity"), dtype=float, device=device)
     reference.first_frame = wp.array(np.cumsum(lengths) - lengths, dtype=int, device=device)
     reference.num_frames = wp.array(lengths, dtype=int, device=device)
+    reference.span = wp.array([clip.span for clip in clips], dtype=int, device=device)
     reference.frames_per_step = wp.array(
         [control_duration / clip.frame_duration for clip in clips], dtype=float, device=device
     )
     reference.cycle_translation = wp.array(np.array(steps, dtype=np.float32), dtype=wp.vec2, device=device)
-    reference.cycle_yaw = wp.array([clip.cycle.yaw for clip in clips], dtype=float, device=device)
+    reference.cycle_yaw = wp.array([cycle.yaw for cycle in cycles], dtype=float, device=device)
     return reference
 
 

@@ -184,6 +184,8 @@ class EnvConfig:
     """Physics steps in one control step; an even number."""
     episode_time: float = 20.0
     """Longest episode [s]."""
+    end_hold: float = 0.5
+    """Time for which an episode goes on beyond the end of a motion that is played once [s]."""
     history_length: int = 3
     """States in an observation, the present one included."""
     steps_ahead: tuple[int, ...] = (1, 2, 10, 30)
@@ -215,7 +217,7 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, num_worlds=(0, 1e6), seed=(0, 2**31 - 1), control_rate=(1, 1e4), episode_time=(1e-3, 1e6))
-        check_ranges(self, history_length=(1, 1000), steps_ahead=(0, 1e5))
+        check_ranges(self, history_length=(1, 1000), steps_ahead=(0, 1e5), end_hold=(0, 1e6))
         check_ranges(self, initial_limit_scale=(1, INFINITE), limit_anneal_time=(0, INFINITE))
         if self.substeps < 2 or self.substeps % 2:
             # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
@@ -296,6 +298,11 @@ class EnvConfig:
     def max_episode_length(self) -> int:
         """Longest episode [control steps]."""
         return round(self.episode_time * self.control_rate)
+
+    @property
+    def end_hold_steps(self) -> int:
+        """Control steps for which an episode goes on beyond the end of a clip played once."""
+        return round(self.end_hold * self.control_rate)
 
     @property
     def limit_anneal_steps(self) -> int:

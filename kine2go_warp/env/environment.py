@@ -172,6 +172,7 @@ class ImitationEnvironment:
         view.world_steps, view.done = episodes.world_steps, episodes.done
         view.seed, view.episode = episodes.seed, episodes.episode
         view.max_episode_length, view.overflow_mask = config.max_episode_length, OVERFLOW_MASK
+        view.end_hold_steps = config.end_hold_steps
         view.initial_limit_scale = config.initial_limit_scale
         view.limit_anneal_steps = config.limit_anneal_steps
         view.nominal_stiffness, view.nominal_damping = config.motor.stiffness, config.motor.damping

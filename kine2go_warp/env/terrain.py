@@ -89,7 +89,7 @@ SHAPES = {"waves": waves, "steps": steps, "slopes": slopes}
 
 def terrain_extent(clips: Sequence[MotionClip], config: EnvConfig) -> float:
     """Return how far from the middle of the ground a reference may come in an episode [m]."""
-    speeds = [np.hypot(clip.cycle.x, clip.cycle.y) / (clip.num_frames * clip.frame_duration) for clip in clips]
-    # Within a cycle a reference may stray from the straight line.
+    speeds = [np.hypot(clip.cycle.x, clip.cycle.y) / clip.period for clip in clips if clip.cycle is not None]
+    # Within a cycle a reference may stray from the straight line; a clip played once goes no farther than this.
     wobble = max(float(np.ptp(clip.root_position[:, :2], axis=0).max()) for clip in clips)
-    return float(np.sqrt(2.0) * config.terrain.spread + max(speeds) * config.episode_time + wobble)
+    return float(np.sqrt(2.0) * config.terrain.spread + max(speeds, default=0.0) * config.episode_time + wobble)

@@ -151,7 +151,7 @@ def run_trial(trial: Trial, config: AblationConfig, device: str, **training: Any
         TrainingInterrupted: ``should_stop`` said so; the same call continues.
     """
     from kine2go_warp.evaluation.evaluate import evaluate
-    from kine2go_warp.learning.train import train
+    from kine2go_warp.training.train import train
 
     policy, preset = trial.policy, config.preset(trial.variant, trial.seed, device)
     record = train([trial.clip], preset, policy.path, device, overwrite=True, **training)

@@ -1,1 +1,1 @@
-"""Learning to track a clip with RSL-RL's PPO."""
+"""Policies: their settings, their folder, the environment as RSL-RL takes it, and acting."""

@@ -28,10 +28,11 @@ EYE = (0.2, -1.7, 0.6)
 
 
 def record_clip(clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Meshes | None = None) -> None:
-    """Write a recording of a clip: the robot over some cycles, where its feet go and stand, and the seams.
+    """Write a recording of a clip: the robot over some cycles, or once, where its feet go and stand, and the seams.
 
     The seam is where one cycle ends and the next begins: marks on the root's path and on the curves.
     """
+    cycles = cycles if clip.cycle is not None else 1
     spec, num_rows = clip.spec, cycles * clip.num_frames
     motion = clip.extended(0, num_rows - clip.num_frames)
     assert motion.joints is not None
@@ -111,10 +112,12 @@ def log_seams(recording: rr.RecordingStream, times: NDArray[Any]) -> None:
 def clip_text(clip: MotionClip, cycles: int) -> str:
     """Return what is known of a clip, in Markdown."""
     origin = clip.origin
-    distance = float(np.hypot(clip.cycle.x, clip.cycle.y))
+    x, y, yaw = clip.displacement
+    distance = float(np.hypot(x, y))
     facts = {
         "period": f"{clip.period:.3f} s, {clip.num_frames} frames",
-        "a cycle leads": f"{distance:.3f} m, {clip.cycle.yaw:.3f} rad",
+        "kind": clip.kind,
+        "it leads": f"{distance:.3f} m, {yaw:.3f} rad",
         "mean speed": f"{distance / clip.period:.2f} m/s",
         "time scale": f"{clip.time_scale:g}, slowed by {clip.slow_down:g}",
         "largest residual": f"{1e3 * clip.residual.max():.2f} mm",
@@ -123,7 +126,7 @@ def clip_text(clip: MotionClip, cycles: int) -> str:
     }
     shares = [f"{leg}: {share:.0%}" for leg, share in zip(LEG_COLOURS, (clip.stance > 0.5).mean(axis=0), strict=True)]
     facts["standing"] = ", ".join(shares)
-    seen = f"{cycles} cycles; pink marks are the seams between them."
+    seen = f"{cycles} cycles; pink marks are the seams between them." if clip.kind == "cycle" else "Played once."
     if clip.keypoints is not None:
         seen += " Green: the source's keypoints, in the robot's size, half a metre aside."
     lines = [f"### {clip.name}", seen, "", "| | |", "|---|---|"]

@@ -142,6 +142,7 @@ def rollout_environment(
         num_worlds=num_worlds,
         seed=seed,
         episode_time=episode_time,
+        end_hold=episode_time,
         reset=ResetConfig(reference_probability=1.0, joint_position=0.05),
         terminations=with_limits(*limits, trained.terminations),
         initial_limit_scale=1.0,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from kine2go_warp.motions.clip import Kind as ClipKind
 from kine2go_warp.motions.config import LEAST_WAY, RetargetConfig
 from kine2go_warp.motions.cycle_search import best_ends, cycle_frames, find_cycles, pose_features, seam_scores
 from kine2go_warp.motions.discovery.gaits import (
@@ -20,6 +21,7 @@ from kine2go_warp.motions.discovery.gaits import (
     measure_gait,
 )
 from kine2go_warp.motions.discovery.recording import Recording
+from kine2go_warp.motions.quality import LARGEST_LEAN, distance_to_hull
 from kine2go_warp.motions.stance import Interval, intervals
 
 SETTLING = 5
@@ -32,8 +34,8 @@ HOLD = 0.25
 """A pose is held if the animal is still for this long [s]; so much of it stays at either end of a motion."""
 MOST_FILLED = 0.5
 """A range of several strides is left out if single strides fill this share of it."""
-FIRM_FEET = 3
-"""On so many feet an animal can be stopped that has been up, and will be, for ``HOLD``."""
+FIRM_FEET, FIRM_FRAMES = 3, 3
+"""So many feet must stand, for so many frames, where a motion may begin or end."""
 ONCE_TIMES = (0.6, 8.0)
 """Shortest and longest motion that is played once [s]."""
 
@@ -54,6 +56,11 @@ class Cut:
     """Distance of the ends of a cycle, in standard deviations of the recording; else 0."""
     gait: GaitMeasures
     label: Label
+
+    @property
+    def clip_kind(self) -> ClipKind:
+        """The kind of the clip that is made of it; stillness needs no seam."""
+        return "cycle" if self.kind == "cycle" else "once"
 
     @property
     def name(self) -> str:
@@ -129,8 +136,7 @@ def once(recording: Recording) -> list[Cut]:
     hold = round(HOLD * recording.rate)
     held = [run for run in intervals(recording.still) if run.last + 1 - run.first >= hold]
     up = recording.posture == "up"
-    long_up = minimum_filter1d(up, 2 * hold + 1, mode="nearest")
-    firm = np.flatnonzero(long_up & (recording.stance.sum(axis=1) >= FIRM_FEET))
+    firm = firm_frames(recording, hold)
     ranges = [*jumps(recording, firm), *posture_changes(up, firm, held, hold)]
     ranges += [(before.last + 1 - hold, after.first + hold) for before, after in pairwise(held)]
     return [
@@ -138,10 +144,21 @@ def once(recording: Recording) -> list[Cut]:
     ]
 
 
+def firm_frames(recording: Recording, hold: int) -> NDArray[np.int_]:
+    """Return the frames at which an animal can be stopped: up for a hold before and after, and borne by its feet."""
+    up = minimum_filter1d((recording.posture == "up").astype(int), 2 * hold + 1, mode="nearest")
+    stance = minimum_filter1d(recording.stance.astype(int), FIRM_FRAMES, axis=0, mode="nearest") > 0
+    feet, base = recording.targets.feet, recording.targets.root_position
+    assert feet is not None
+    some = np.flatnonzero((up > 0) & (stance.sum(axis=1) >= FIRM_FEET))
+    lean = [distance_to_hull(feet[frame, stance[frame], :2] - base[frame, :2]) for frame in some]
+    return some[np.array(lean, dtype=float) <= LARGEST_LEAN]
+
+
 def jumps(recording: Recording, firm: NDArray[np.int_]) -> Iterator[tuple[int, int]]:
     """Yield the ranges around each jump, from and to a frame at which the animal stands firmly."""
     height, stance = recording.targets.root_position[:, 2], recording.stance
-    for run in intervals(~stance.any(axis=1)):
+    for run in intervals(np.max(stance, axis=1) < 1):
         near = slice(max(run.first - 1, 0), run.last + 2)
         before, after = firm[firm < run.first], firm[firm > run.last]
         if flight_rise(stance[near], height[near]) >= JUMP_RISE and len(before) and len(after):

@@ -107,7 +107,8 @@ def discover(
             continue
         quality = None
         if is_checked:
-            entry = replace(entries[id(one)], name=one.name, frames=FrameRange(one.start, one.end))
+            frames = FrameRange(one.start, one.end)
+            entry = replace(entries[id(one)], name=one.name, frames=frames, kind=one.clip_kind)
             try:
                 quality = assess(retarget(entry, None, solver, RetargetConfig()), solver.spec)
                 problem = "; ".join(clip_faults(quality))

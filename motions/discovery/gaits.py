@@ -21,8 +21,8 @@ Label = Literal[
     "walk", "trot", "pace", "canter", "gallop", "bound", "turn", "strafe", "sit", "lie", "rise", "jump", "stand"
 ]
 
-ALTERNATING = 0.2
-"""The feet of a pair alternate if their touch-downs are half a stride apart, within this share of it."""
+ALTERNATING = 0.35
+"""The feet of a pair alternate if their touch-downs are at least this share of a stride apart, of half a stride."""
 TOGETHER = 0.125
 """Touch-downs closer than this share of a stride are one beat: an eighth, as in Hildebrand's classes."""
 WALKING_DUTY = 0.65
@@ -134,7 +134,7 @@ def touch_down_phases(stance: Mask, is_cycle: bool) -> tuple[tuple[float, ...], 
 
 def flight_rise(stance: Mask, height: Array) -> float:
     """Return how far the base rises at most while no foot stands, over take-off and landing [m]."""
-    flights = [height[max(run.first - 1, 0) : run.last + 2] for run in intervals(~stance.any(axis=1))]
+    flights = [height[max(run.first - 1, 0) : run.last + 2] for run in intervals(np.max(stance, axis=1) < 1)]
     return max((float(one.max() - max(one[0], one[-1])) for one in flights), default=0.0)
 
 
@@ -177,7 +177,7 @@ def footfall_label(gait: GaitMeasures) -> Label:
     """Return the gait that the order of touch-downs and the duty factors tell."""
     duty = float(np.mean(gait.duty))
     fore, hind = abs(gait.lag(1, 0)), abs(gait.lag(3, 2))
-    if min(fore, hind) >= 0.5 - ALTERNATING:
+    if min(fore, hind) >= ALTERNATING:
         sides = np.exp(2j * np.pi * np.array([gait.lag(0, 2), gait.lag(1, 3)]))
         side = abs(float(np.angle(sides.sum()))) / (2.0 * np.pi)
         if duty > WALKING_DUTY or (duty >= 0.5 and TOGETHER < side < 0.5 - TOGETHER):

@@ -53,12 +53,17 @@ def catalogue_text(
         place = file.path.resolve()
         place = place.relative_to(folder) if place.is_relative_to(folder) else place
         more = {"description": described(one)}
-        more |= {"kind": "once"} if cut.kind == "once" else {}
         more |= {"mirror": True} if mirrored else {}
         rate = 0.0 if source.tells_rate else cut.recording.rate
         frames = FrameRange(cut.start, cut.end)
         named = replace(
-            file, path=place, name=one.name, source=file.source or source.name, frames=frames, rate=round(rate, 6)
+            file,
+            path=place,
+            name=one.name,
+            source=file.source or source.name,
+            frames=frames,
+            rate=round(rate, 6),
+            kind=cut.clip_kind,
         )
         blocks.append("\n".join(motion_table(named, **more)) + "\n")
     return "\n".join(blocks)

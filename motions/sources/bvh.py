@@ -43,12 +43,21 @@ class Bvh:
     values: Array
     """Channels of all frames, in degrees and the file's unit, shape [num_frames, num_channels]."""
 
+    def lost(self) -> NDArray[np.bool_]:
+        """Return which frames are zero in every channel, as recorders write those that they missed.
+
+        Files may begin with such a frame: there it is the pose that the skeleton was bound in.
+        """
+        is_zero = ~self.values.any(axis=1)
+        return is_zero & ~np.logical_and.accumulate(is_zero)
+
     def positions(self) -> dict[str, Array]:
         """Return where each joint is, in the file's axes and unit, each of shape [num_frames, 3].
 
         A joint with channels of position is where they say, seen from its parent; its offset, which writers of BVH use
-        in more than one way, is then left out.
+        in more than one way, is then left out. Frames that were lost are NaN.
         """
+        lost = self.lost()[:, None]
         places: list[tuple[Rotation, Array]] = []
         column, found = 0, {}
         for joint in self.joints:
@@ -70,7 +79,7 @@ class Bvh:
                 rotation, origin = places[joint.parent]
                 here, turn = origin + rotation.apply(here), rotation * turn
             places.append((turn, here))
-            found[joint.name] = here
+            found[joint.name] = np.where(lost, np.nan, here)
         return found
 
 

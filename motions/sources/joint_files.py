@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.motions.sources.arrays import checked_rate, rate_of, read_npz
 from kine2go_warp.motions.sources.tables import is_number, parse_numbers, read_bytes, read_lines, read_text
 
 Array = NDArray[np.float64]
@@ -90,9 +91,9 @@ def read_pickle(path: Path) -> Rows:
     if not isinstance(content, dict) or "frames" not in content:
         raise ClipError(f"{path}: a pickle without 'frames'")
     rate = content.get("fps")
-    if not isinstance(rate, int | float) or not 1.0 <= rate <= 1000.0:
-        raise ClipError(f"{path}: fps is {rate!r:.40}; 1 to 1000 Hz can be used")
-    return Rows(_matrix(content["frames"], path), rate=float(rate))
+    if not isinstance(rate, int | float):
+        raise ClipError(f"{path}: fps is {rate!r:.40}, not a number")
+    return Rows(_matrix(content["frames"], path), rate=checked_rate(rate, path))
 
 
 class _Plain(pickle.Unpickler):
@@ -140,20 +141,14 @@ def read_arrays(path: Path) -> Rows:
         ClipError: the file is missing, is something else, or is damaged.
     """
     names = ("root_position", "root_orientation", "joint_position")
-    try:
-        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as data:
-            missing = [name for name in names if name not in data]
-            if missing:
-                raise ClipError(f"{path}: lacks {', '.join(missing)}")
-            if not all(data[name].dtype.kind in "fiu" for name in names):
-                raise ClipError(f"{path}: an array holds something else than numbers")
-            arrays = [np.asarray(data[name], np.float64) for name in names]
-            header = json.loads(str(data["header"])) if "header" in data else {}
-            rate = _rate(data, header, path)
-    except ClipError:
-        raise
-    except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
-        raise ClipError(f"{path}: not an .npz of numbers ({error.__class__.__name__})") from None
+    data = read_npz(path)
+    if missing := [name for name in names if name not in data]:
+        raise ClipError(f"{path}: lacks {', '.join(missing)}")
+    if not all(data[name].dtype.kind in "fiu" for name in names):
+        raise ClipError(f"{path}: an array holds something else than numbers")
+    arrays = [np.asarray(data[name], np.float64) for name in names]
+    header = _header(data, path)
+    rate = _rate(data, header, path)
     widths = [array.shape[1] if array.ndim == 2 else 0 for array in arrays]
     if widths != [3, 4, 12] or len({len(array) for array in arrays}) > 1:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=True))
@@ -161,26 +156,27 @@ def read_arrays(path: Path) -> Rows:
     return Rows(_checked(np.concatenate(arrays, axis=1), path), rate=rate, robot=str(header.get("robot", "")))
 
 
-def _rate(data: Any, header: dict[str, Any], path: Path) -> float:
+def _header(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return the header of a clip of ours; nothing where there is none."""
+    try:
+        header = json.loads(str(data.get("header", "{}")))
+    except (ValueError, RecursionError):
+        raise ClipError(f"{path}: its header is not JSON") from None
+    if not isinstance(header, dict):
+        raise ClipError(f"{path}: its header is not JSON of a clip")
+    return header
+
+
+def _rate(data: dict[str, Any], header: dict[str, Any], path: Path) -> float:
     """Return the frame rate of an ``.npz`` [Hz]."""
     if "time" in data:
-        time = np.asarray(data["time"], np.float64)
-        if time.ndim != 1 or len(time) < MINIMUM_FRAMES or not time[-1] > time[0]:
-            raise ClipError(f"{path}: its time stamps do not rise")
-        return _checked_rate((len(time) - 1) / float(time[-1] - time[0]), path)
+        return rate_of(data["time"], path)
     duration = header.get("frame_duration")
     if isinstance(duration, int | float) and duration > 0.0:
-        return _checked_rate(1.0 / duration, path)
+        return checked_rate(1.0 / duration, path)
     if duration is not None:
         raise ClipError(f"{path}: a frame duration of {duration!r:.40}; it must be positive [s]")
     raise ClipError(f"{path}: tells no rate; it needs an array 'time' [s]")
-
-
-def _checked_rate(rate: float, path: Path) -> float:
-    """Return a rate that a motion can have."""
-    if not 1.0 <= rate <= 1000.0:
-        raise ClipError(f"{path}: a rate of {rate:g} Hz; 1 to 1000 Hz can be used")
-    return rate
 
 
 def _matrix(frames: Any, path: Path) -> Array:

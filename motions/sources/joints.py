@@ -16,6 +16,7 @@ from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.dialects import JointsDialect, robot_of_files
 from kine2go_warp.motions.sources.joint_files import Rows, read_arrays, read_frames, read_pickle, read_table
+from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import HasLegs, foot_positions
 from kine2go_warp.robots.spec import GO2_LEG_LENGTH, GO2_THIGH_OFFSET
 from kine2go_warp.rotations import heading, turn_planar
@@ -48,7 +49,10 @@ class Fit:
 
 @dataclass(frozen=True)
 class JointSource(MotionSource):
-    """Reads files of one dialect. Motions come out in the size of the Go2, whatever robot they are of."""
+    """Reads files of one dialect. Motions come out in the size of the Go2, whatever robot they are of.
+
+    Feet are taken to be as thick as the Go2's then.
+    """
 
     name: str
     dialect: JointsDialect
@@ -88,7 +92,7 @@ class JointSource(MotionSource):
         feet = foot_positions(robot, joints)
         points = robot_points(robot, rotation, position, feet)
         time = np.arange(len(position)) / rate
-        return KeypointMotion(time, size * points, notes=notes_on(fit, size))
+        return KeypointMotion(time, size * points, notes=notes_on(fit, size), foot_radius=GO2.foot_radius)
 
     def orientation(self, rows: Rows, path: Path) -> Rotation:
         """Return the orientation of the base in every frame."""

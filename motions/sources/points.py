@@ -15,6 +15,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.extras import named_extras
 from kine2go_warp.motions.examination import UNITS
 from kine2go_warp.motions.keypoints import KEYPOINTS, MINIMUM_FRAMES, KeypointMotion
+from kine2go_warp.motions.sources.arrays import checked_rate, rate_of, read_npz
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.bvh import read_bvh
 from kine2go_warp.motions.sources.dialects import PointsDialect
@@ -46,8 +47,6 @@ AXES = {
     "-z": ((0, 1.0), (1, -1.0), (2, -1.0)),
 }
 """Where our x, y and z come from, by the file's axis that points up: the number of its axis, and the sign."""
-UNEVEN = 0.2
-"""Time stamps may be off an even grid by this share of a frame: they are often rounded."""
 
 
 @dataclass(frozen=True)
@@ -149,9 +148,7 @@ def read_c3d(path: Path) -> NamedPoints:
             labels, rate, points = [str(label) for label in data["labels"]], float(data["rate"]), data["points"]
     except (subprocess.SubprocessError, ValueError, OSError, EOFError, KeyError) as error:
         raise ClipError(f"{path}: a C3D file that is damaged or cut off ({error.__class__.__name__})") from None
-    if not 1.0 <= rate <= 1000.0:
-        raise ClipError(f"{path}: a rate of {rate:g} Hz; 1 to 1000 Hz can be used")
-    return NamedPoints({label: points[:, index].T for index, label in enumerate(labels)}, rate)
+    return NamedPoints({label: points[:, index].T for index, label in enumerate(labels)}, checked_rate(rate, path))
 
 
 def check_c3d(content: bytes, path: Path) -> None:
@@ -227,33 +224,10 @@ def read_point_arrays(path: Path, time: str) -> NamedPoints:
     Raises:
         ClipError: the file is missing, is something else, or an array has another shape.
     """
-    try:
-        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as data:
-            arrays = {name: np.asarray(data[name], np.float64) for name in data if data[name].dtype.kind in "fiu"}
-    except ClipError:
-        raise
-    except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
-        raise ClipError(f"{path}: not an .npz of numbers ({error.__class__.__name__})") from None
+    arrays = {name: np.asarray(one, np.float64) for name, one in read_npz(path).items() if one.dtype.kind in "fiu"}
     points = {name: array for name, array in arrays.items() if array.ndim == 2 and array.shape[1] == 3}
     if len({len(array) for array in points.values()}) > 1:
         raise ClipError(f"{path}: its points have different numbers of frames")
     if time and time not in arrays:
         raise ClipError(f"{path}: has no array '{time}' of time stamps")
     return NamedPoints(points, rate_of(arrays[time], path) if time else None)
-
-
-def rate_of(time: Array, path: Path) -> float:
-    """Return the rate of time stamps [Hz].
-
-    Raises:
-        ClipError: they are not even.
-    """
-    if time.ndim != 1 or len(time) < MINIMUM_FRAMES or not np.isfinite(time).all() or time[-1] <= time[0]:
-        raise ClipError(f"{path}: its time stamps do not rise")
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    off = np.abs(time - time[0] - step * np.arange(len(time))).max() / step
-    if off > UNEVEN:
-        raise ClipError(f"{path}: time stamps are off an even grid by {off:.2f} frames; resample the file")
-    if not 1.0 <= 1.0 / step <= 1000.0:
-        raise ClipError(f"{path}: a rate of {1.0 / step:g} Hz; 1 to 1000 Hz can be used (are the stamps in seconds?)")
-    return float(1.0 / step)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.sources.arrays import read_npz
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.bvh import read_bvh
 from kine2go_warp.motions.sources.joints import READERS, JointSource
@@ -108,13 +109,7 @@ def names_in(path: Path, format_: str) -> list[str]:
     if format_ == "parquet":
         return list(read_parquet(path))
     if format_ == "arrays":
-        import numpy as np
-
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                return list(data)
-        except Exception as error:  # noqa: BLE001 - damaged archives raise errors of many kinds
-            raise ClipError(f"{path}: not an .npz of numbers ({error.__class__.__name__})") from None
+        return list(read_npz(path))
     return [name.strip().strip('"') for name in read_lines(path)[0].split(",")]
 
 

@@ -12,7 +12,7 @@ from kine2go_warp.pipelines.stages.retarget import read_clip
 from kine2go_warp.settings import to_dictionary
 
 if TYPE_CHECKING:
-    from kine2go_warp.learning.runner import TrainingProgress
+    from kine2go_warp.training.runner import TrainingProgress
 
 
 class TrainStage:
@@ -34,7 +34,7 @@ class TrainStage:
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
         """Train, or continue an interrupted training, or one of fewer iterations."""
-        from kine2go_warp.learning.train import train
+        from kine2go_warp.training.train import train
 
         clip = read_clip(job, upstream)
         if not PolicyFolder(folder).exists:
@@ -60,7 +60,7 @@ class TrainStage:
 
     def _begin_from_shorter(self, job: Job, upstream: Inputs, folder: Path) -> None:
         """Begin with a copy of a finished training that differs in its number of iterations alone, if there is one."""
-        from kine2go_warp.learning.train import training_fingerprint
+        from kine2go_warp.training.train import training_fingerprint
 
         preset = job.recipe.train.on(job.device)
         fingerprint = training_fingerprint([read_clip(job, upstream)], preset)

@@ -55,6 +55,7 @@ def turning_clip(clip):
         ("residual", "turning_clip"),
         ("default_offset", "clip"),
         ("absolute", "turning_clip"),
+        ("residual_ff", "once_clip"),
     ],
 )
 def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_resets(

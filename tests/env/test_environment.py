@@ -7,7 +7,7 @@ from kine2go_warp.env.config import EnvConfig, MotorConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import observation_layout, observation_size
 from kine2go_warp.env.terms.base import with_term
-from kine2go_warp.env.terms.terminations import with_limits
+from kine2go_warp.env.terms.terminations import TERMINATIONS, with_limits
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.robots import GO2
 from tests.env.helpers import STILL, assert_same_bits, drive
@@ -61,6 +61,26 @@ def test_time_outs_end_episodes_that_go_well(standing_clip, small_config):
         environment.step()
         flags.append(environment.episodes.time_out.numpy().copy())
     assert np.array_equal(np.argmax(flags, axis=0), np.full(config.num_worlds, 14)), "0.25 s are 15 steps"
+
+
+def test_a_clip_played_once_ends_by_a_time_out_after_its_end_is_held(once_clip, standing_clip, small_config):
+    loose = with_limits(9.0, 9.0, tuple(replace(one, enabled=one.name != "body_contact") for one in TERMINATIONS[2:]))
+    config = replace(small_config, num_worlds=32, reset=STILL, terminations=(*TERMINATIONS[:2], *loose), end_hold=0.1)
+    environment = ImitationEnvironment([once_clip, standing_clip], config, "cpu")
+    which, phase = (
+        values.numpy().copy()
+        for values in (environment.episodes.placement.clip, environment.episodes.placement.start_phase)
+    )
+    assert set(which) == {0, 1}
+    ends = np.full(32, -1)
+    for step in range(1, once_clip.num_frames + 8):
+        environment.step()
+        ended = environment.episodes.done.numpy() > 0
+        assert np.array_equal(ended, environment.episodes.time_out.numpy()), "no end is a failure"
+        ends[ended & (ends < 0)] = step
+    assert np.all(ends[which == 1] == -1), "a cycle goes on"
+    passed = (1.0 - phase) * (once_clip.num_frames - 1) + 0.1 * config.control_rate
+    np.testing.assert_allclose(ends[which == 0], np.ceil(passed[which == 0] - 1e-3), atol=0.01)
 
 
 def test_several_clips_share_an_environment(clip, standing_clip, small_config):

@@ -10,10 +10,10 @@ from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
+from kine2go_warp.training.train import train
 from tests.conftest import ANYTHING_GOES
 
 pytestmark = [

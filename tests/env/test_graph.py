@@ -12,7 +12,9 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from tests.env.helpers import EVERYTHING, assert_same_bits, drive, snapshot
 
 
-def test_the_captured_graph_equals_eager_execution_bit_for_bit_over_500_steps_with_resets(clip, small_config):
+def test_the_captured_graph_equals_eager_execution_bit_for_bit_over_500_steps_with_resets(
+    clip, once_clip, small_config
+):
     config = replace(
         small_config,
         num_worlds=4,
@@ -21,9 +23,9 @@ def test_the_captured_graph_equals_eager_execution_bit_for_bit_over_500_steps_wi
         phase_sampling=PhaseSamplingConfig(uniform_share=0.5),
         privileged=True,
     )
-    graph = drive(ImitationEnvironment([clip], config, "cpu"), 500, 1)
+    graph = drive(ImitationEnvironment([clip, once_clip], config, "cpu"), 500, 1)
     assert sum(step["done"].sum() for step in graph) >= 8 * config.num_worlds, "there must be resets"
-    assert_same_bits(graph, drive(ImitationEnvironment([clip], config, "cpu", use_graph=False), 500, 1))
+    assert_same_bits(graph, drive(ImitationEnvironment([clip, once_clip], config, "cpu", use_graph=False), 500, 1))
 
 
 def device_pointers(part):

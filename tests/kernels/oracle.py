@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.kernels.reference import ReferenceState
@@ -138,6 +138,8 @@ def whole_frame(clip: MotionClip, frame: int) -> tuple[Array, Rotation, Rotation
 
 def reference_at(clip: MotionClip, frame: float, heading: float, origin: Array) -> States:
     """The reference at a place in the clip, in one world's own heading."""
+    if clip.cycle is None:
+        return once_at(clip, frame, heading, origin)
     whole, share = int(np.floor(frame)), frame - np.floor(frame)
     (position_a, rotation_a, turn_a), (position_b, rotation_b, turn_b) = (
         whole_frame(clip, whole),
@@ -162,6 +164,27 @@ def reference_at(clip: MotionClip, frame: float, heading: float, origin: Array) 
         angular=turned(clip.root_angular_velocity)[None],
         joint=mixed(clip.joint_position)[None],
         joint_speed=mixed(clip.joint_velocity)[None],
+    )
+
+
+def once_at(clip: MotionClip, frame: float, heading: float, origin: Array) -> States:
+    """The same of a clip that is played once: the first and the last pose at rest beyond its ends."""
+    frames = np.arange(clip.num_frames)
+
+    def mixed(values: Array) -> Array:
+        return np.array([np.interp(frame, frames, column) for column in values.T])
+
+    rotations = Rotation.from_quat(clip.root_orientation[:, [1, 2, 3, 0]])
+    turn = Rotation.from_rotvec([0.0, 0.0, heading])
+    is_beyond = not 0.0 <= frame <= frames[-1]
+    speed = 0.0 if is_beyond else 1.0
+    return States(
+        position=np.add(turn.apply(mixed(clip.root_position)), [*origin, 0.0])[None],
+        quaternion=(turn * Slerp(frames, rotations)(np.clip(frame, 0.0, frames[-1]))).as_quat()[None],
+        linear=turn.apply(speed * mixed(clip.root_linear_velocity))[None],
+        angular=turn.apply(speed * mixed(clip.root_angular_velocity))[None],
+        joint=mixed(clip.joint_position)[None],
+        joint_speed=speed * mixed(clip.joint_velocity)[None],
     )
 
 

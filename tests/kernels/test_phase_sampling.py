@@ -63,6 +63,18 @@ def test_visits_count_where_a_world_is_and_failures_a_moment_before(clip):
     np.testing.assert_array_equal(table.new_failures.numpy(), expected, err_msg="a time-out is no failure")
 
 
+def test_beyond_its_end_a_clip_played_once_counts_in_its_last_bin_and_before_its_beginning_in_its_first(once_clip):
+    table, device = make_table(10, 10), wp.get_device(DEVICE)
+    placement = make_placement(4, device)
+    placement.start_phase.assign(np.float32([0.0, 0.97, 0.5, -0.4]))
+    steps = np.int32([0, 5, 4 * once_clip.num_frames, 3])
+    flags = [wp.zeros(4, dtype=kind, device=device) for kind in (wp.int64, wp.bool)]
+    clips = upload_clips([once_clip], 1.0 / 60.0, device)
+    inputs = [table, clips, placement, wp.array(steps, device=device), 5, *flags]
+    wp.launch(count_phases, dim=4, inputs=inputs, device=device)
+    np.testing.assert_array_equal(table.new_visits.numpy(), [2, 0, 0, 0, 0, 0, 0, 0, 0, 2])
+
+
 @pytest.mark.parametrize("uniform_share", [0.0, 0.3, 1.0])
 def test_probabilities_are_a_uniform_share_and_the_failure_rates(uniform_share, rng):
     table = make_table(40, 20)

@@ -57,6 +57,25 @@ def test_random_places_of_two_clips_agree_with_numpy(clip, turning_clip, rng):
     assert_agrees(sample(clips, which, phase, heading, origin, step), expected)
 
 
+def test_a_clip_played_once_stays_at_rest_beyond_both_ends(clip, once_clip, rng):
+    clips, count = [clip, once_clip], 400
+    which, step = rng.integers(0, 2, count), rng.integers(0, 150, count)
+    phase, heading = np.float32(rng.uniform(-1.0, 1.0, count)), np.float32(rng.uniform(-np.pi, np.pi, count))
+    phase[which == 0] = np.abs(phase[which == 0])
+    origin = np.float32(rng.normal(0.0, 2.0, (count, 2)))
+    frames = phase * np.where(which == 1, once_clip.num_frames - 1, clip.num_frames) + step
+    beyond = (which == 1) & ((frames < 0.0) | (frames > once_clip.num_frames - 1))
+    assert 15 < np.sum(frames < 0.0) < np.sum(beyond) < np.sum(which == 1), "the test must see all places"
+    found = sample(clips, which, phase, heading, origin, step)
+    expected = [
+        reference_at(clips[c], float(f), float(h), o) for c, f, h, o in zip(which, frames, heading, origin, strict=True)
+    ]
+    assert_agrees(found, stacked(expected))
+    for speeds in (found.linear_velocity, found.angular_velocity, found.joint_velocity):
+        assert not speeds.numpy()[beyond].any()
+        assert speeds.numpy()[(which == 1) & ~beyond].any()
+
+
 def test_around_the_seam_the_reference_goes_on_without_a_jump(turning_clip):
     frames = turning_clip.num_frames
     steps = np.arange(frames - 2, frames + 3)

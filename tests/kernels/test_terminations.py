@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from kine2go_warp.env.clips import make_placement, upload_clips
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.kernels.terminations import end_episodes
 from tests.kernels.oracle import near, random_states, upload_reference, upload_robot, world_view
@@ -11,7 +12,7 @@ TIGHTENING_STEPS = 100
 TERMS, NAMES = EnvConfig().active_terminations, EnvConfig().reason_names
 
 
-def reasons(robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, age=None):
+def reasons(clip, robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, age=None):
     count = len(robot.position)
     state = upload_robot(robot, np.zeros(3))
     if joint_q is not None:
@@ -24,6 +25,8 @@ def reasons(robot, reference, body_contact=None, length=None, joint_q=None, over
         flags, reason, counts = per_world(overflow), per_world(None), wp.zeros(len(NAMES), dtype=int)
         done, time_out = per_world(None, wp.int64), per_world(None, wp.bool)
         view = world_view(
+            placement=make_placement(count, wp.get_device()),
+            clips=upload_clips([clip], 1.0 / 60.0, wp.get_device()),
             robot=state,
             reference=upload_reference(reference),
             body_contact=per_world(body_contact),
@@ -49,41 +52,41 @@ def reasons(robot, reference, body_contact=None, length=None, joint_q=None, over
     return names
 
 
-def test_limits_on_distance_and_angle_agree_with_numpy(rng):
+def test_limits_on_distance_and_angle_agree_with_numpy(clip, rng):
     reference = random_states(rng, 500)
     robot = near(rng, reference, 0.7)
     distance = np.linalg.norm(robot.position - reference.position, axis=1)
     angle = (robot.rotation * reference.rotation.inv()).magnitude()
     expected = np.where(distance > 1.0, "distance", np.where(angle > 1.5708, "rotation", ""))
     assert set(expected) == {"distance", "rotation", ""}, "the test must see every outcome"
-    np.testing.assert_array_equal(reasons(robot, reference), expected)
+    np.testing.assert_array_equal(reasons(clip, robot, reference), expected)
 
 
-def test_limits_tighten_with_age(rng):
+def test_limits_tighten_with_age(clip, rng):
     age = np.arange(0, 200, 10)
     limit = np.interp(age, [0, TIGHTENING_STEPS], [3.0, 1.0])
     for factor, expected in ((0.99, ""), (1.01, "distance")):
         reference = random_states(rng, len(age))
         robot = replace(reference, position=reference.position + (factor * limit)[:, None] * [0.6, 0.0, 0.8])
-        assert reasons(robot, reference, age=age) == [expected] * len(age)
+        assert reasons(clip, robot, reference, age=age) == [expected] * len(age)
 
 
-def test_a_failure_hides_a_time_out(rng):
+def test_a_failure_hides_a_time_out(clip, rng):
     robot = random_states(rng, 4)
-    names = reasons(robot, robot, body_contact=[0, 1, 0, 1], length=[1199, 0, 1200, 1200])
+    names = reasons(clip, robot, robot, body_contact=[0, 1, 0, 1], length=[1199, 0, 1200, 1200])
     assert names == ["", "body_contact", "time_out", "body_contact"]
 
 
-def test_a_state_that_is_not_finite_is_found_wherever_it_is(rng):
+def test_a_state_that_is_not_finite_is_found_wherever_it_is(clip, rng):
     robot = random_states(rng, 19)
     joint_q = upload_robot(robot, np.zeros(3)).joint_q.numpy()
     joint_q[np.arange(19), np.arange(19)] = np.where(np.arange(19) % 2, np.nan, np.inf)
-    assert reasons(robot, robot, joint_q=joint_q) == ["non_finite"] * 19
+    assert reasons(clip, robot, robot, joint_q=joint_q) == ["non_finite"] * 19
 
 
-def test_an_overflow_of_the_solver_ends_the_episode_but_a_warning_that_does_not_count_does_not(rng):
+def test_an_overflow_of_the_solver_ends_the_episode_but_a_warning_that_does_not_count_does_not(clip, rng):
     robot = random_states(rng, 3)
-    assert reasons(robot, robot, overflow=[0, 1, 2]) == ["", "overflow", ""]
+    assert reasons(clip, robot, robot, overflow=[0, 1, 2]) == ["", "overflow", ""]
 
 
 def test_a_failure_hides_a_time_out_wherever_it_stands_in_the_list():

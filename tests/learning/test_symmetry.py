@@ -12,12 +12,12 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.observations import place_privileged, place_terms
 from kine2go_warp.learning.presets import PRESETS
 from kine2go_warp.learning.symmetry import Mirrored, mirrored_action, with_mirrored
-from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.motions.catalogue import motion_named
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
+from kine2go_warp.training.train import train
 
 EXACTLY_ON_THE_REFERENCE = ResetConfig(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

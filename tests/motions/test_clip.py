@@ -6,6 +6,7 @@ import pytest
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import heading, to_rotation
@@ -53,6 +54,22 @@ def test_feet_are_those_of_forward_kinematics(clip):
     rotation = to_rotation(clip.root_orientation).as_matrix()
     feet = np.einsum("tij,tkj->tki", rotation, foot_positions(GO2, clip.joint_position)) + clip.root_position[:, None]
     np.testing.assert_allclose(clip.foot_position, feet, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [50.0, 120.0])
+def test_a_clip_played_once_ends_at_its_last_frame_at_any_rate_and_is_read_as_it_was_saved(once_clip, tmp_path, rate):
+    other = once_clip.resampled(rate, GO2)
+    assert (other.kind, other.span) == ("once", other.num_frames - 1)
+    assert other.period == pytest.approx(once_clip.period)
+    np.testing.assert_allclose(other.joint_position[[0, -1]], once_clip.joint_position[[0, -1]], atol=1e-9)
+    assert other.displacement == pytest.approx(once_clip.displacement, abs=1e-9)
+    other.save(tmp_path / "clip.npz")
+    loaded = MotionClip.load(tmp_path / "clip.npz")
+    assert loaded.cycle is None
+    assert loaded.content_hash() == other.content_hash() != replace(other, cycle=CycleStep(0, 0, 0)).content_hash()
+    longer = loaded.extended(5, 7)
+    np.testing.assert_array_equal(longer.root_position[:6], np.tile(loaded.root_position[:1], (6, 1)))
+    np.testing.assert_array_equal(longer.joints[-8:], np.tile(loaded.joint_position[-1:], (8, 1)))
 
 
 @pytest.mark.parametrize("rate", [50.0, 60.0, 120.0, 37.0])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from kine2go_warp.motions.cycle import CycleStep, close_cycle, extend_cyclically, seam_weights
+from kine2go_warp.motions.cycle import CycleStep, close_cycle, extend, seam_weights
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.rotations import from_rotation, heading, to_rotation, yaw_rotation
 
@@ -51,7 +51,7 @@ def test_a_cycle_without_a_seam_is_left_as_it_is():
 
 def test_a_seam_is_closed_to_the_size_of_a_normal_step():
     closed, cycle = close_cycle(walk_on_a_circle(40, seam=0.2), 40, 8)
-    longer = extend_cyclically(closed, cycle, 0, 40)
+    longer = extend(closed, cycle, 0, 40)
     steps = np.abs(np.diff(longer.joints, axis=0)).max(axis=1)
     assert steps[39] < 1.5 * np.median(steps), "the step across the seam"
     rises = np.abs(np.diff(longer.root_position[:, 2]))
@@ -68,7 +68,7 @@ def test_velocities_of_the_base_meet_at_the_seam():
     position = np.stack([time + 0.5 * time**2, 0.2 * time**2, 0.3 + 0.05 * time * (time - 1.0)], axis=1)
     poses = Poses(position, from_rotation(yaw_rotation(yaw)), np.zeros((len(time), 12)))
     closed, cycle = close_cycle(poses, num_frames, blend)
-    longer = extend_cyclically(closed, cycle, 0, num_frames)
+    longer = extend(closed, cycle, 0, num_frames)
 
     def jumps(values):
         return np.abs(np.diff(values, 2, axis=0)).reshape(2 * num_frames - 2, -1).max(axis=1)
@@ -86,7 +86,7 @@ def test_velocities_of_the_base_meet_at_the_seam():
 
 def test_the_root_does_not_pause_at_the_seam():
     closed, cycle = close_cycle(walk_on_a_circle(40), 40, 8)
-    longer = extend_cyclically(closed, cycle, 0, 41)
+    longer = extend(closed, cycle, 0, 41)
     steps = np.linalg.norm(np.diff(longer.root_position[:, :2], axis=0), axis=1)
     np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
 

@@ -11,9 +11,9 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.catalogue import CatalogueEntry, load_catalogue, motion_named
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.fidelity import Fidelity
-from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, write_ai4animation
+from kine2go_warp.motions.generator import CROUCH, PACE, TROT, WALK, DogGait, generate, write_ai4animation
 from kine2go_warp.motions.keypoints import FrameRange
-from kine2go_warp.motions.quality import ClipQuality, assess, clip_faults, clip_remarks
+from kine2go_warp.motions.quality import ClipQuality, assess, clip_faults, clip_remarks, distance_to_hull
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
@@ -187,6 +187,59 @@ def test_every_real_motion_becomes_a_clean_clip(name, data_folder, solver):
     assert ours.seam_acceleration <= 1.2 * ours.other_acceleration
     assert ours.seam_acceleration <= 7.8 or ours.animal_acceleration > 7.8
     assert abs(ours.seam_shift) < 0.1
+
+
+def test_a_range_played_once_comes_from_rest_and_to_rest_on_the_way_of_its_source(solver, tmp_path):
+    generated = generate(DogGait(), 181)
+    write_ai4animation(generated.points, tmp_path / "dog.txt")
+    entry = replace(entry_of("dog.txt", start=60, end=120), kind="once", hold=0.3)
+    result = retarget(entry, tmp_path, solver, KEEP_RANGE)
+    clip, quality = result.clip, assess(result, GO2)
+    held, ramp = 18, 30
+    assert clip.kind == "once"
+    assert clip.num_frames == 60 + ramp + 2 * held
+    assert (clip.origin.start, clip.origin.end) == (60, 120)
+    assert clip_faults(quality) == []
+    assert clip_remarks(quality) == []
+    assert np.isnan(clip.fidelity.seam_acceleration)
+    for values in (clip.joint_position, clip.root_position):
+        for ends in (values[: held + 1], values[-held - 1 :]):
+            assert np.ptp(ends, axis=0).max() < 2e-3
+    for speeds in (clip.joint_velocity, clip.root_linear_velocity, clip.root_angular_velocity):
+        assert not speeds[[0, -1]].any()
+        jumps = np.abs(np.diff(speeds, axis=0)).max(axis=1)
+        slowing = np.r_[: held + ramp, len(jumps) - held - ramp : len(jumps)]
+        assert jumps[slowing].max() <= 1.25 * jumps[held + ramp : -held - ramp].max() + 1e-9
+    # The generated dog goes straight on at one speed; half of the time of each slow-down is lost.
+    scale = 0.825
+    expected = scale * DogGait().speed * 59 / 60
+    assert clip.displacement == pytest.approx((expected, 0.0, 0.0), abs=2e-3)
+
+
+def test_a_crouch_is_played_once_in_both_modes_and_keeps_its_depth_and_its_feet(solver, tmp_path):
+    write_ai4animation(generate(CROUCH, 240).points, tmp_path / "dog.txt")
+    for mode in ("contact", "plain"):
+        entry = replace(entry_of("dog.txt", start=30, end=121), kind="once", mode=mode)
+        result = retarget(entry, tmp_path, solver, KEEP_RANGE)
+        clip = result.clip
+        assert clip_faults(assess(result, GO2)) == []
+        depth = 0.825 * CROUCH.dip * np.array([0.0, 0.5, 1.0])
+        height = clip.root_position[:, 2]
+        np.testing.assert_allclose(height[-1] - np.array([height[-1], height[0], height.min()]), depth, atol=2e-3)
+        assert np.ptp(clip.foot_position[..., :2], axis=0).max() < 0.02
+        assert clip.stance.all()
+
+
+def test_ends_on_which_no_robot_stands_are_named(solver, tmp_path):
+    write_ai4animation(generate(DogGait(phases=PACE, duty=0.5), 181).points, tmp_path / "dog.txt")
+    entry = replace(entry_of("dog.txt", start=65, end=115), kind="once")
+    quality = assess(retarget(entry, tmp_path, solver, replace(KEEP_RANGE, slow_down_time=0.1)), GO2)
+    assert [fault for fault in clip_faults(quality) if "first pose cannot be held: 2 feet stand" in fault]
+    square = np.array([[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1], [-0.1, -0.1]])
+    beside, far = np.array([0.25, 0.0]), np.array([0.4, 0.5])
+    assert distance_to_hull(square) == pytest.approx(0.0, abs=1e-6)
+    assert distance_to_hull(square + beside) == pytest.approx(0.15, abs=1e-6)
+    assert distance_to_hull(square + far) == pytest.approx(0.5, abs=1e-6)
 
 
 def test_faults_are_named():

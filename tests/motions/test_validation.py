@@ -67,6 +67,14 @@ def test_what_no_clip_can_be_is_refused(clip, tmp_path, changes, message):
     assert "\x1b" not in str(caught.value)
 
 
+def test_a_clip_played_once_must_be_at_rest_at_its_ends(clip, once_clip, tmp_path):
+    once_clip.save(tmp_path / "once.npz")
+    assert MotionClip.load(tmp_path / "once.npz").kind == "once"
+    replace(clip, cycle=None).completed(clip.spec).save(tmp_path / "moving.npz")
+    with pytest.raises(ClipError, match=r"it is played once, but moves at \d"):
+        MotionClip.load(tmp_path / "moving.npz")
+
+
 def test_a_short_and_a_slowed_clip_are_clips(clip, tmp_path):
     slowed = replace(clip, frame_duration=3.0 * clip.frame_duration, slow_down=3.0).completed(clip.spec)
     slowed.save(tmp_path / "slow.npz")

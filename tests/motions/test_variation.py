@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.variation import Variation
 from kine2go_warp.rotations import heading, rotation_angle
 
@@ -30,6 +31,16 @@ def test_the_mirror_image_has_every_foot_where_the_other_side_s_was(clip):
     np.testing.assert_allclose(image.root_angular_velocity, clip.root_angular_velocity * [-1.0, 1.0, -1.0], atol=1e-9)
     twice = Variation(mirrored=True).of(image)
     np.testing.assert_array_equal(twice.joint_position, clip.joint_position)
+
+
+def test_a_clip_played_once_is_mirrored_and_stretched_but_its_ends_take_no_offset(once_clip):
+    varied = Variation(time_scale=1.1, mirrored=True).of(once_clip)
+    assert varied.kind == "once"
+    assert varied.period == pytest.approx(1.1 * once_clip.period)
+    assert varied.displacement[1] == pytest.approx(-once_clip.displacement[1], abs=1e-12)
+    assert not varied.joint_velocity[[0, -1]].any()
+    with pytest.raises(ClipError, match="start_and_stop is played once and takes no speed_offset"):
+        Variation(turn_offset=0.1).of(once_clip)
 
 
 @pytest.mark.parametrize("variation", [

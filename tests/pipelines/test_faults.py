@@ -61,7 +61,7 @@ def kill_runs(data: Path, folder: Path, kills: int) -> None:
 
 
 def test_a_run_that_is_killed_at_any_moment_is_completed_by_the_next(data, tmp_path):
-    kill_runs(data, tmp_path, 3)
+    kill_runs(data, tmp_path, 2)
 
 
 @pytest.mark.faults
@@ -88,7 +88,7 @@ class Killer:
 
 
 def kill_workers(recipe: Recipe, data: Path, folder: Path, places: list[tuple[str, str, int]]) -> None:
-    recipe = replace(recipe, train=recipe.train.override({"ppo.iterations": 20}))
+    recipe = replace(recipe, train=recipe.train.override({"ppo.iterations": 12}))
     engine = LocalEngine(len(recipe.motions), "cpu", folder / "logs")
     killer = Killer(engine, Workspace(folder / "killed"), list(places))
     result, listener = run(recipe, folder / "killed", data, engine, killer)

@@ -77,7 +77,7 @@ def assert_the_rest_is_whole(store: Path, whole: dict[str, list[dict[str, bytes]
 
 
 def test_gathering_that_is_killed_at_any_moment_loses_nothing(policies, tmp_path):
-    kill_at_random_moments(policies, tmp_path, 4)
+    kill_at_random_moments(policies, tmp_path, 2)
 
 
 @pytest.mark.faults

@@ -45,7 +45,11 @@ TERMINATIONS = (
     _term("body_contact", "base or head touches the ground"),
     _term("distance", "the root is too far from its reference", (("max_distance", 1.0),), "m"),
     _term("rotation", "the root is turned too far from its reference", (("max_angle", 1.5708),), "rad"),
-    _term("time_out", "the longest time has passed; the only end that is bootstrapped", is_time_out=True),
+    _term(
+        "time_out",
+        "the longest time has passed, or a motion that is played once is over; the only end that is bootstrapped",
+        is_time_out=True,
+    ),
 )
 """The paper's conditions (appendix, hyperparameter table, "Termination") and the simulation's faults."""
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.own_file import OwnFile
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.motions.sources import SOURCES
@@ -85,6 +86,22 @@ def test_a_clip_comes_back_as_it_was(tmp_path, solver, clip):
     assert np.abs(again.foot_position - clip.foot_position).max() < 0.02
 
 
+def test_slip_and_depth_of_the_file_are_told_beside_those_of_the_clip(tmp_path, solver):
+    position, orientation, joints, _ = robot()
+    position = position - [0.0, 0.0, 0.006]
+    rows = np.concatenate([position, orientation, joints.reshape(-1, 12)], axis=1)
+    path = write_frames(tmp_path / "trot.txt", rows)
+    entry = OwnFile(path, licence="own", frames=FrameRange(5, 30)).entry()
+    fidelity = retarget(entry, None, solver, RetargetConfig(search_time=0.0)).clip.fidelity
+    assert fidelity.source_penetration == pytest.approx(0.006, abs=1e-6)
+    assert fidelity.penetration < 1e-3
+    feet = feet_in_world()[5:30]
+    speed = RATE * np.linalg.norm(np.gradient(feet[..., :2], axis=0), axis=-1)
+    low = np.sort(speed[feet[..., 2] < 0.022 + 0.009])
+    assert low[0] < fidelity.source_standing_speed < low[-1]
+    assert fidelity.standing_speed < fidelity.source_standing_speed
+
+
 class Attack:
     def __reduce__(self):
         return print, ("run",)
@@ -100,7 +117,7 @@ class Attack:
             "frame 1: holds something that is not a number",
         ),
         ({"fps": RATE, "frames": [[0.0] * 18, [np.inf] * 18, [0.0] * 18]}, "frame 1: column 0 is not finite"),
-        ({"fps": 0, "frames": [[0.0] * 18] * 3}, "fps is 0"),
+        ({"fps": 0, "frames": [[0.0] * 18] * 3}, "a rate of 0 Hz; 1 to 1000 Hz can be used"),
         ({"frames": [[0.0] * 18] * 3}, "fps is None"),
         ([1, 2], "a pickle without 'frames'"),
     ],

@@ -2,11 +2,11 @@
 
 import pytest
 
-from kine2go_warp.learning.annealing import annealed
 from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
+from kine2go_warp.training.annealing import annealed
+from kine2go_warp.training.train import train
 
 
 def test_a_value_falls_linearly_and_then_stays():

@@ -20,7 +20,7 @@ from kine2go_warp.settings import content_hash, to_dictionary
 
 if TYPE_CHECKING:
     from kine2go_warp.learning.vec_env import BufferedVecEnv
-    from kine2go_warp.learning.watching import TrainingObserver
+    from kine2go_warp.training.watching import TrainingObserver
 
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
@@ -213,9 +213,9 @@ class TrainingTask:
         """Run PPO from a checkpoint or from the beginning, and record how far it came, also if it is interrupted."""
         import torch
 
-        from kine2go_warp.learning.runner import ImitationRunner
         from kine2go_warp.learning.vec_env import share_stream
-        from kine2go_warp.learning.watching import attach_observer
+        from kine2go_warp.training.runner import ImitationRunner
+        from kine2go_warp.training.watching import attach_observer
 
         policy, preset = self.policy, record.preset
         ppo = slower(preset.ppo) if record.restarts else preset.ppo
@@ -243,8 +243,8 @@ class TrainingTask:
     def _environment(self, preset: Preset, start: ResumePoint | None) -> "BufferedVecEnv":
         """Build the environment, in as many processes as wanted or needed."""
         from kine2go_warp.env.environment import ImitationEnvironment
-        from kine2go_warp.learning.parallel import ParallelVecEnv
         from kine2go_warp.learning.vec_env import ImitationVecEnv
+        from kine2go_warp.training.parallel import ParallelVecEnv
 
         needed = start.processes if start is not None else None
         if self.strict and needed not in (None, 1):

@@ -14,10 +14,10 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST, ROBUST
-from kine2go_warp.learning.runner import ImitationRunner
-from kine2go_warp.learning.train import ResumePoint, resume_point, train
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
-from tests.learning.helpers import StopAfter, assert_same_training
+from kine2go_warp.training.runner import ImitationRunner
+from kine2go_warp.training.train import ResumePoint, resume_point, train
+from tests.training.helpers import StopAfter, assert_same_training
 
 ITERATIONS = 4
 

@@ -17,12 +17,12 @@ from rsl_rl.utils.logger import Logger
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import Kine2GoError, PolicyError
 from kine2go_warp.interruption import TrainingInterrupted
-from kine2go_warp.learning.annealing import anneal
 from kine2go_warp.learning.checkpoint import arrays, tensors, write_checkpoint
-from kine2go_warp.learning.divergence import DivergenceWatch
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import PpoConfig
 from kine2go_warp.learning.vec_env import BufferedVecEnv
+from kine2go_warp.training.annealing import anneal
+from kine2go_warp.training.divergence import DivergenceWatch
 
 KEPT_CHECKPOINTS = 2
 """While training: the newest, and the one before in case the newest is damaged."""

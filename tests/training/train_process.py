@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.training.train import train
 from tests.killing import serve
 
 TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 6, "ppo.save_interval": 1})

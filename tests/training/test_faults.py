@@ -18,11 +18,11 @@ from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.checkpoint import load_checkpoint, write_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import FAST, ROBUST
-from kine2go_warp.learning.train import ResumePoint, TrainingTask, resume_point, train
+from kine2go_warp.training.train import ResumePoint, TrainingTask, resume_point, train
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
 from tests.killing import KillableWorker, spread_moments
-from tests.learning.helpers import StopAfter, assert_same_training
+from tests.training.helpers import StopAfter, assert_same_training
 
 TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 4, "ppo.save_interval": 1})
 """A checkpoint after each iteration."""
@@ -121,7 +121,7 @@ def kill_at_random_moments(clip, folder: Path, kills: int) -> None:
     """Kill trainings, spread over their whole life, and run each again."""
     clip.save(folder / "clip.npz")
     killed = resumed = 0
-    with KillableWorker("tests.learning.train_process", folder / "clip.npz", folder / "reference") as trainer:
+    with KillableWorker("tests.training.train_process", folder / "clip.npz", folder / "reference") as trainer:
         status, life = trainer.ask(folder / "again")
         assert status == 0
         assert_same_training(folder / "again", folder / "reference")

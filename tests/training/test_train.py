@@ -10,7 +10,7 @@ from kine2go_warp.errors import PolicyError, SimulationError
 from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST, ROBUST
-from kine2go_warp.learning.train import train
+from kine2go_warp.training.train import train
 
 TINY = FAST.override({"env.num_worlds": 8, "ppo.iterations": 2})
 

@@ -9,8 +9,8 @@ import torch
 from kine2go_warp.device import choose_processes
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.errors import Kine2GoError, SimulationError
-from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.vec_env import ImitationVecEnv
+from kine2go_warp.training.parallel import ParallelVecEnv
 
 
 def test_two_processes_give_the_same_bits_as_one_and_a_dead_worker_is_reported(clip, small_config):

@@ -10,11 +10,11 @@ from rsl_rl.algorithms import PPO
 
 from kine2go_warp.errors import TrainingDiverged
 from kine2go_warp.interruption import TrainingInterrupted
-from kine2go_warp.learning.divergence import DivergenceWatch
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import slower, train
-from tests.learning.helpers import StopAfter, assert_same_training
+from kine2go_warp.training.divergence import DivergenceWatch
+from kine2go_warp.training.train import slower, train
+from tests.training.helpers import StopAfter, assert_same_training
 
 TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 4})
 

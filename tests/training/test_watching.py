@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from kine2go_warp.env.environment import ImitationEnvironment
-from kine2go_warp.learning.parallel import ParallelVecEnv
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
-from kine2go_warp.learning.train import train
 from kine2go_warp.learning.vec_env import ImitationVecEnv
-from kine2go_warp.learning.watching import BLOCK, INTERVAL, NUM_WORLDS, STRETCH, WorldSampler
 from kine2go_warp.rollouts.recorder import RolloutRecorder
+from kine2go_warp.training.parallel import ParallelVecEnv
+from kine2go_warp.training.train import train
+from kine2go_warp.training.watching import BLOCK, INTERVAL, NUM_WORLDS, STRETCH, WorldSampler
 
 
 class Eyes:

@@ -1,0 +1,1 @@
+"""Training: PPO from clips to a policy folder, until the policy tracks them."""
