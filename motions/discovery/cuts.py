@@ -36,6 +36,8 @@ MOST_FILLED = 0.5
 """A range of several strides is left out if single strides fill this share of it."""
 FIRM_FEET, FIRM_FRAMES = 3, 3
 """So many feet must stand, for so many frames, where a motion may begin or end."""
+CHANGE_TIME = 2.0
+"""Longest change of posture [s]; an animal that is not to be stopped any sooner does something else by then."""
 ONCE_TIMES = (0.6, 8.0)
 """Shortest and longest motion that is played once [s]."""
 
@@ -137,7 +139,8 @@ def once(recording: Recording) -> list[Cut]:
     held = [run for run in intervals(recording.still) if run.last + 1 - run.first >= hold]
     up = recording.posture == "up"
     firm = firm_frames(recording, hold)
-    ranges = [*jumps(recording, firm), *posture_changes(up, firm, held, hold)]
+    changes = posture_changes(up, firm, held, hold)
+    ranges = [*jumps(recording, firm), *(one for one in changes if one[1] - one[0] <= CHANGE_TIME * recording.rate)]
     ranges += [(before.last + 1 - hold, after.first + hold) for before, after in pairwise(held)]
     return [
         cut(recording, "once", start, end) for start, end in dict.fromkeys(ranges) if shortest <= end - start <= longest

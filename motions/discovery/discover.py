@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.errors import ClipError, Kine2GoError
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.discovery.cuts import Cut, cuts
 from kine2go_warp.motions.discovery.likeness import is_near, shape, unique_time
@@ -83,9 +83,12 @@ def discover(
         is_checked: Whether each motion is retargeted, and left out if its clip has a fault.
 
     Raises:
-        ClipError: a file is missing or damaged, or no source reads it; or two files have the same name.
+        ClipError: a file is missing or damaged, or no source reads it; or it is named twice.
         CatalogueError: there is no such source, or no licence is stated.
     """
+    for file in files:
+        if len([one for one in files if one.path.resolve() == file.path.resolve()]) > 1:
+            raise ClipError(f"{file.path} is named twice")
     recordings, found, entries = [], [], {}
     for index, file in enumerate(files):
         advanced(index, len(files), f"reading {file.path.name}")

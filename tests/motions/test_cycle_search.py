@@ -3,7 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kine2go_warp.motions.cycle_search import best_cycle, find_cycles, overlaps, pose_features, seam_scores
+from kine2go_warp.motions.cycle_search import (
+    best_cycle,
+    find_cycles,
+    overlaps,
+    pose_features,
+    seam_scores,
+    single_turns,
+)
 from kine2go_warp.motions.generator import DogGait
 from kine2go_warp.motions.sources import AI4Animation
 from kine2go_warp.motions.targets import pose_targets
@@ -60,3 +67,18 @@ def test_jitter_of_a_standing_animal_is_no_way(rng):
 def test_a_range_to_the_last_frame_stays_within_the_file(targets):
     _, end = best_cycle(targets, 100, 200, 6)
     assert end <= 199
+
+
+def test_several_turns_of_a_cycle_are_left_out(targets):
+    def lengths(min_frames):
+        return {one.end - one.start for one in find_cycles(targets, min_frames, 180, 20) if one.score < 0.2}
+
+    assert lengths(20) == {32}
+    # Where single strides are too short to be looked for, two and three are the shortest.
+    assert lengths(40) == {64, 96}
+
+
+def test_turns_of_a_cycle_that_closes_badly_are_kept():
+    lengths = np.array([30, 45, 61, 90])
+    np.testing.assert_array_equal(single_turns(lengths, np.array([0.2, 0.9, 0.1, 0.3])), [True, True, False, False])
+    np.testing.assert_array_equal(single_turns(lengths, np.array([0.9, 0.9, 0.1, 0.3])), [True, True, True, True])
