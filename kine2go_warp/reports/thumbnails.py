@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.renders.process import RenderProcess
 from kine2go_warp.renders.video import read_trajectories
+from kine2go_warp.reports.film import Film, film
 
 WIDTH, HEIGHT = 320, 240
 """Of a picture [pixels]."""
@@ -42,6 +43,7 @@ class Strip:
     value: float
     """Its joint RMSE [rad]."""
     shots: tuple[Shot, ...]
+    film: Film
 
 
 def ranked_trajectories(values: NDArray[Any]) -> dict[str, int]:
@@ -80,7 +82,7 @@ def strips(
         shots = tuple(
             Shot(jpeg_address(renderer.draw(trajectory.request(row))), row, float(trajectory.time[row])) for row in rows
         )
-        result.append(Strip(rank, trajectory.index, float(joint_rmse[place]), shots))
+        result.append(Strip(rank, trajectory.index, float(joint_rmse[place]), shots, film(trajectory, motion.robot)))
     return tuple(result)
 
 

@@ -127,6 +127,23 @@ def test_all_pictures_load(opened):
     assert widths == [320] * 18
 
 
+@pytest.mark.usefixtures("can_draw")
+def test_a_film_plays_where_the_pictures_were_and_stops(opened):
+    page = opened()
+    button = page.locator("button.film").first
+    button.click()
+    canvas = page.locator("canvas.film")
+    page.wait_for_function("document.querySelector('canvas.film').dataset.picture > 2")
+    inked = (
+        "[...document.querySelector('canvas.film').getContext('2d').getImageData(0, 0, 640, 240).data].some(Boolean)"
+    )
+    assert page.evaluate(inked)
+    assert page.locator(".shots:visible").count() == 5
+    button.click()
+    assert canvas.count() == 0
+    assert page.locator(".shots:visible").count() == 6
+
+
 @pytest.mark.parametrize("width", [360, 390, 768, 1280, 2200])
 def test_the_page_is_as_wide_as_the_screen(opened, width):
     page = opened(width=width)

@@ -55,3 +55,75 @@ function unfold() {
 }
 addEventListener("hashchange", unfold);
 unfold();
+
+// A film of the legs from the right: the reference behind in green, the far legs lighter, marks on the ground.
+const numbers = (text) => new Int16Array(Uint8Array.from(atob(text), (one) => one.charCodeAt(0)).buffer);
+const [WIDTH, HEIGHT, SCALE, FLOOR] = [640, 240, 0.36, 210];
+const PER_ROBOT = 32;
+function drawRobot(pen, points, start, colour) {
+  const place = (leg, joint) => {
+    const at = start + 8 * leg + 2 * joint;
+    return [WIDTH / 2 + SCALE * points[at], FLOOR - SCALE * points[at + 1]];
+  };
+  const line = (places, width, alpha) => {
+    pen.globalAlpha = alpha;
+    pen.lineWidth = width;
+    pen.beginPath();
+    places.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.stroke();
+  };
+  pen.strokeStyle = colour;
+  pen.lineCap = pen.lineJoin = "round";
+  // Legs are FL, FR, RL, RR: the left ones are far.
+  for (const leg of [0, 2]) line([0, 1, 2, 3].map((joint) => place(leg, joint)), 4, 0.35);
+  line([place(1, 0), place(3, 0)], 16, 0.8);
+  for (const leg of [1, 3]) line([0, 1, 2, 3].map((joint) => place(leg, joint)), 5, 0.9);
+  pen.globalAlpha = 1;
+}
+function play(button) {
+  const [points, ground] = [numbers(button.dataset.points), numbers(button.dataset.ground)];
+  const [rate, ticks] = [Number(button.dataset.rate), Number(button.dataset.ticks)];
+  const shots = button.closest("figure").querySelector(".shots");
+  const canvas = Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT, className: "film" });
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", button.getAttribute("aria-label"));
+  shots.hidden = true;
+  shots.before(canvas);
+  button.textContent = "Stop";
+  const pen = canvas.getContext("2d");
+  const ink = getComputedStyle(canvas).color;
+  const began = performance.now();
+  const draw = (now) => {
+    if (!canvas.isConnected) return;
+    const picture = Math.floor((Math.max(now - began, 0) / 1000) * rate) % ground.length;
+    pen.clearRect(0, 0, WIDTH, HEIGHT);
+    pen.strokeStyle = pen.fillStyle = ink;
+    pen.font = "16px sans-serif";
+    pen.lineWidth = 1;
+    pen.beginPath();
+    pen.moveTo(0, FLOOR);
+    pen.lineTo(WIDTH, FLOOR);
+    const half = WIDTH / 2 / SCALE;
+    for (let at = -ground[picture] - ticks * Math.ceil(half / ticks); at < half; at += ticks) {
+      pen.moveTo(WIDTH / 2 + SCALE * at, FLOOR);
+      pen.lineTo(WIDTH / 2 + SCALE * at, FLOOR + 6);
+    }
+    pen.stroke();
+    pen.fillText(`${(picture / rate).toFixed(2)} s`, 8, 20);
+    const start = 2 * PER_ROBOT * picture;
+    drawRobot(pen, points, start + PER_ROBOT, "#2a9d4f");
+    drawRobot(pen, points, start, ink);
+    canvas.dataset.picture = picture;
+    requestAnimationFrame(draw);
+  };
+  requestAnimationFrame(draw);
+}
+for (const button of document.querySelectorAll("button.film"))
+  button.addEventListener("click", () => {
+    const figure = button.closest("figure");
+    const canvas = figure.querySelector("canvas");
+    if (!canvas) return play(button);
+    canvas.remove();
+    figure.querySelector(".shots").hidden = false;
+    button.textContent = "Play";
+  });
