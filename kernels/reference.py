@@ -30,6 +30,8 @@ class ReferenceClips:
     """Joint positions [rad], shape [total_frames, 12]."""
     joint_velocity: wp.array2d(dtype=float)
     """Joint velocities [rad/s], shape [total_frames, 12]."""
+    body_rests: wp.array(dtype=int)
+    """1 where parts other than feet may touch the ground, else 0; see ``MotionClip``, shape [total_frames]."""
     first_frame: wp.array(dtype=int)
     """Where each clip begins, shape [num_clips]."""
     num_frames: wp.array(dtype=int)
@@ -74,6 +76,8 @@ class ReferenceState:
     """Joint positions [rad], shape [num_worlds, 12]."""
     joint_velocity: wp.array2d(dtype=float)
     """Joint velocities [rad/s], shape [num_worlds, 12]."""
+    body_rests: wp.array(dtype=int)
+    """1 where base and legs may touch the ground as the reference does, else 0, shape [num_worlds]."""
 
 
 @wp.func
@@ -221,6 +225,7 @@ def sample_reference(
     reference.root[world] = root
     reference.linear_velocity[world] = reference_velocity(clips, placement, world, frame, position)
     reference.angular_velocity[world] = interpolate_turned(clips, clips.root_angular_velocity, placement, world, frame)
+    reference.body_rests[world] = clips.body_rests[frame_index(clips, clip, int(wp.floor(frame)))]
     for joint in range(NUM_JOINTS):
         reference.joint_position[world, joint] = interpolate_joint(clips, clips.joint_position, clip, frame, joint)
         reference.joint_velocity[world, joint] = interpolate_joint(clips, clips.joint_velocity, clip, frame, joint)

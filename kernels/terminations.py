@@ -36,9 +36,10 @@ def overflow(view: WorldView, out: wp.array2d(dtype=float), column: int):
 
 @wp.kernel
 def body_contact(view: WorldView, out: wp.array2d(dtype=float), column: int):
-    """Find robots whose base or head touches the ground."""
+    """Find robots whose base or head touches the ground while their reference stands on its feet alone."""
     world = wp.tid()
-    out[world, column] = wp.where(view.body_contact[world] > 0, 1.0, 0.0)
+    falls = view.body_contact[world] > 0 and view.reference.body_rests[world] == 0
+    out[world, column] = wp.where(falls, 1.0, 0.0)
 
 
 @wp.kernel

@@ -168,16 +168,25 @@ def joints_for(spec: RobotSpec, poses: Poses) -> Array:
 
 def lowest_body_point(spec: RobotSpec, position: Array, orientation: Array, joints: Array) -> Array:
     """Return the height of the lowest point of trunk, head and knees over the floor [m], shape [num_frames]."""
+    front, rear = part_heights(spec, position, orientation, joints)
+    return np.minimum(front.min(axis=1), rear.min(axis=1))
+
+
+def part_heights(spec: RobotSpec, position: Array, orientation: Array, joints: Array) -> tuple[Array, Array]:
+    """Return the heights of the lowest points of parts over the floor [m].
+
+    Returns:
+        At the front two knees, two lower corners of the trunk and the head, shape [num_frames, 5]; knees and corners at
+        the rear, shape [num_frames, 4].
+    """
     rotation = to_rotation(orientation).as_matrix()
 
     def heights(points_b: Array) -> Array:
-        return np.einsum("tj,t...j->t...", rotation[:, 2], points_b) + position[:, 2].reshape(
-            -1, *[1] * (points_b.ndim - 2)
-        )
+        return np.einsum("tj,tkj->tk", rotation[:, 2], points_b) + position[:, 2:]
 
-    half = 0.5 * np.array(spec.trunk_size)
-    corners = half * [[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
-    knees = heights(leg_points(spec, joints)[:, :, 2]).min(axis=1) - spec.thigh_radius
-    trunk = heights(np.broadcast_to(corners, (len(position), 4, 3))).min(axis=1)
-    head = heights(np.broadcast_to(spec.head_centre, (len(position), 1, 3)))[:, 0] - spec.head_radius
-    return np.minimum(np.minimum(knees, trunk), head)
+    corners = 0.5 * np.array(spec.trunk_size) * [[x, y, -1.0] for x in (1.0, -1.0) for y in (1.0, -1.0)]
+    knees = heights(leg_points(spec, joints)[:, :, 2]) - spec.thigh_radius
+    trunk = heights(np.broadcast_to(corners, (len(position), 4, 3)))
+    head = heights(np.broadcast_to(spec.head_centre, (len(position), 1, 3))) - spec.head_radius
+    front = np.concatenate([knees[:, :2], trunk[:, :2], head], axis=1)
+    return front, np.concatenate([knees[:, 2:], trunk[:, 2:]], axis=1)

@@ -9,7 +9,7 @@ from typing import get_args
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin, Kind
-from kine2go_warp.motions.config import Mode
+from kine2go_warp.motions.config import Mode, TimeScale
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
 from kine2go_warp.motions.sources.dialects import Dialect, parse_dialects
@@ -55,6 +55,8 @@ class CatalogueEntry:
     """How it is retargeted, where that is another way than the settings'."""
     kind: Kind = "cycle"
     """Whether its clip is repeated, or played once between poses that are held."""
+    time_scale: TimeScale | None = None
+    """As in ``RetargetConfig``, where it is another than the settings'."""
     hold: float | None = None
     """Time for which these are held [s], where that is another than the settings'."""
     mirrored: bool = False
@@ -158,6 +160,7 @@ MOTION_FIELDS = {
     "mirror": bool,
     "kind": str,
     "hold": float,
+    "time_scale": float,
 }
 LOOSE_FIELDS = {**MOTION_FIELDS, "source": str, "licence": str, "citation": str}
 del LOOSE_FIELDS["collection"]
@@ -165,7 +168,10 @@ del LOOSE_FIELDS["collection"]
 
 All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
-OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold", "mirror")
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
+OPTIONAL += ("time_scale", "mirror")
+BOUNDS = (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
+"""Fields that are numbers, with the least and the greatest."""
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
 
@@ -227,6 +233,7 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
             mode=motion.get("mode", ""),
             kind=motion.get("kind", "cycle"),
             hold=motion.get("hold"),
+            time_scale=motion.get("time_scale"),
         )
         for one in [entry, entry.twin()] if motion.get("mirror") else [entry]:
             if one.name in entries:
@@ -253,10 +260,13 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
         problem = f"lacks {', '.join(missing)}" if missing else f"has unknown {', '.join(unknown)}"
         raise CatalogueError(f"{where}: {problem}; the fields are {', '.join(fields)}")
     for name, value in values.items():
+        if (name, value) == ("time_scale", "froude"):
+            continue
         kinds = (int, float) if fields[name] is float else (fields[name],)
         if not isinstance(value, kinds) or (isinstance(value, bool) and fields[name] is not bool):
-            raise CatalogueError(f"{where}: {name} is {value!r}, not a {fields[name].__name__}")
-    for name, least, greatest in (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0)):
+            wanted = "number or froude" if name == "time_scale" else fields[name].__name__
+            raise CatalogueError(f"{where}: {name} is {value!r}, not a {wanted}")
+    for name, least, greatest in BOUNDS:
         if isinstance(number := values.get(name, 1.0), int | float) and not least <= number <= greatest:
             raise CatalogueError(f"{where}: {name} is {number:g}; choose {least:g} to {greatest:g}")
     for name, choices in (("mode", get_args(Mode)), ("kind", get_args(Kind))):

@@ -4,15 +4,17 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.motions.cycle import CycleStep, extend
+from kine2go_warp.motions.cycle import CycleStep, continued, extend
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.skeleton import Skeleton
@@ -24,6 +26,8 @@ from kine2go_warp.rotations import from_rotation, heading, to_rotation
 Array = NDArray[np.float64]
 
 FORMAT_VERSION = 2
+CONTACT_TOLERANCE = 0.15
+"""How much earlier or later than the reference a robot may rest on its body [s]."""
 
 Kind = Literal["cycle", "once"]
 """Whether a clip is repeated, or begins and ends in poses that are held."""
@@ -73,6 +77,8 @@ class MotionClip:
     """Foot centres by forward kinematics, FL, FR, RL, RR [m], shape [num_frames, 4, 3]."""
     stance: Array
     """1 where a foot stands, 0 where it swings, shape [num_frames, 4]."""
+    body_rests: Array
+    """1 where knees or trunk at the front and at the rear rest on the floor, else 0, shape [num_frames, 2]."""
     residual: Array
     """Largest distance of a foot from its retargeting target [m], shape [num_frames]."""
     cycle: CycleStep | None
@@ -117,11 +123,24 @@ class MotionClip:
         x, y, _ = self.root_position[-1]
         return float(x), float(y), float(heading(self.root_orientation[-1:])[0])
 
+    @cached_property
+    def body_may_touch(self) -> NDArray[np.bool_]:
+        """Frames in which parts other than the feet may touch the ground, shape [num_frames].
+
+        They may where the front or the rear rests there, and up to ``CONTACT_TOLERANCE`` before and after.
+        """
+        early = round(CONTACT_TOLERANCE / self.frame_duration)
+        places = np.arange(-early, self.num_frames + early)
+        rests = self.body_rests.max(axis=1)[continued(places, self.num_frames, self.cycle is not None)]
+        return np.logical_or.reduce(sliding_window_view(rests, 2 * early + 1) > 0.5, axis=1)
+
     def content_hash(self) -> str:
         """Return a hash of the motion itself, equal for equal clips whatever file they are in."""
         digest = hashlib.sha256(f"{self.name} {self.frame_duration!r} {self.cycle!r}".encode())
         for array in (self.root_position, self.root_orientation, self.joint_position):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        if self.body_rests.any():
+            digest.update(np.ascontiguousarray(self.body_rests, dtype=np.float64).tobytes())
         return digest.hexdigest()[:16]
 
     @property
@@ -156,13 +175,15 @@ class MotionClip:
         margin = 4
         longer = self.extended(margin, margin)
         known = np.arange(-margin, self.num_frames + margin) * self.frame_duration
+        nearest = np.minimum(np.round(time / self.frame_duration).astype(int), self.num_frames - 1)
         clip = replace(
             self,
             frame_duration=self.period / span,
             root_position=CubicSpline(known, longer.root_position)(time),
             root_orientation=from_rotation(Slerp(known, to_rotation(longer.root_orientation))(time)),
             joint_position=CubicSpline(known, longer.joints)(time),
-            stance=self.stance[np.minimum(np.round(time / self.frame_duration).astype(int), self.num_frames - 1)],
+            stance=self.stance[nearest],
+            body_rests=self.body_rests[nearest],
             residual=np.interp(time, known[margin:-margin], self.residual),
         ).completed(spec)
         if self.keypoints is None:
@@ -217,7 +238,8 @@ class MotionClip:
         try:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
-                arrays = {field.name: data[field.name] for field in fields(cls) if field.type is Array}
+                given = {"body_rests": np.zeros((len(data["stance"]), 2)), **data}
+                arrays = {field.name: given[field.name] for field in fields(cls) if field.type is Array}
                 keypoints = Skeleton.from_arrays(data)
             if header["format_version"] != FORMAT_VERSION:
                 version = header["format_version"]
@@ -273,8 +295,12 @@ def assemble_clip(
     cycle: CycleStep | None,
     origin: ClipOrigin,
     time_scale: float = 1.0,
+    body_rests: Array | None = None,
 ) -> MotionClip:
-    """Make a clip of poses with joints, a closed cycle unless ``cycle`` is none; ``MotionClip`` has the rest."""
+    """Make a clip of poses with joints, a closed cycle unless ``cycle`` is none; ``MotionClip`` has the rest.
+
+    Without ``body_rests`` the robot stands on its feet alone.
+    """
     assert poses.joints is not None
     none = np.empty(0)
     return MotionClip(
@@ -288,6 +314,7 @@ def assemble_clip(
         joint_velocity=none,
         foot_position=none,
         stance=stance,
+        body_rests=np.zeros((len(stance), 2)) if body_rests is None else body_rests,
         residual=residual,
         cycle=cycle,
         origin=origin,

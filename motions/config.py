@@ -6,6 +6,7 @@ from typing import Literal
 from kine2go_warp.settings import check_ranges
 
 Mode = Literal["contact", "plain"]
+TimeScale = float | Literal["froude"]
 
 CYCLE_TIMES = (0.35, 3.0)
 """Shortest and longest cycle that is looked for [s]."""
@@ -38,7 +39,7 @@ class RetargetConfig:
     """Least height of a foot in the middle of a swing [m], or the animal's own where that is lower."""
     knee_margin: float = 0.06
     """How far knees keep off their limits [rad]."""
-    time_scale: float | Literal["froude"] = 1.0
+    time_scale: TimeScale = 1.0
     """Duration of the motion over the animal's. ``froude``: the square root of the size of the robot over the animal's,
     at which bodies of both sizes fall alike; flights then follow a parabola."""
 

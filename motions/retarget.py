@@ -19,6 +19,7 @@ from kine2go_warp.motions.body import (
     smooth_root,
     smooth_shift,
 )
+from kine2go_warp.motions.body_contact import resting_ends, settle, side_by_side
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, Kind, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
@@ -50,6 +51,8 @@ CONTEXT = 1.0
 """How far beyond the range stances are looked for, so that none is cut [s]; a motion played once is held so long."""
 ROLLING_PASSES = 2
 """How often the rolling of the feet is worked out from the legs that follow from it."""
+SLOWING_PASSES = 5
+"""How often the flights of a motion that motors slow are worked out."""
 LARGEST_DIP = 0.01
 """How far the base may be pulled down before a foothold is moved instead [m]."""
 
@@ -65,6 +68,8 @@ class SelectedRange:
     """With feet: the frames of the clip and the two after them, extrapolated where the file ends."""
     stance: NDArray[np.bool_]
     """Whether the animal's feet stand, for the frames of the clip, shape [num_frames, 4]."""
+    rests: NDArray[np.bool_]
+    """Whether its front and its rear rest on the floor, shape [num_frames, 2]."""
     frame_duration: float
     """Of the source [s]."""
     time_scale: float
@@ -111,7 +116,7 @@ def retarget(
     motion = source.load(path, entry.rate or None)
     if entry.rate and abs(motion.rate / entry.rate - 1.0) > RATE_TOLERANCE:
         raise ClipError(f"{path}: runs at {motion.rate:.1f} Hz, but the catalogue says {entry.rate:g} Hz")
-    config = replace(config, mode=entry.mode) if entry.mode else config
+    config = replace(config, mode=entry.mode or config.mode, time_scale=entry.time_scale or config.time_scale)
     start, end = entry.frames.resolve(motion.num_frames, str(path))
     scale = source.proportions(solver.spec).scale
     scaled = motion.scaled(scale)
@@ -128,7 +133,8 @@ def retarget(
         origin = replace(origin, start=start, end=end)
     time_scale = scale**0.5 if config.time_scale == "froude" else config.time_scale
     near, stance = select(targets, scaled.points("toe"), (start, end), 1.0 / motion.rate, solver.spec, config)
-    selected = SelectedRange(entry.name, entry.kind, near, stance, 1.0 / origin.source_rate, time_scale, origin)
+    rests = resting_ends(scaled, float(standing.mean()))[start:end]
+    selected = SelectedRange(entry.name, entry.kind, near, stance, rests, 1.0 / origin.source_rate, time_scale, origin)
     make = retarget_contacts if config.mode == "contact" else retarget_plain
     clip, moved = make(selected, solver, config)
     keypoints = keypoints_of(clip, scaled, float(standing.mean()), targets, start, end)
@@ -199,9 +205,26 @@ def retarget_plain(
 def retarget_contacts(
     selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig
 ) -> tuple[MotionClip, float]:
-    """Close a cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
+    """Retarget with feet that hold, at a speed that the motors reach.
+
+    Flights take the time that gravity gives them, so where motors slow a motion with flights they are worked out again.
 
     Returns the clip, and by how far a foot was moved for its leg to reach it at most [m].
+    """
+    slow_down = 1.0
+    for _ in range(SLOWING_PASSES):
+        clip, moved = retarget_at_speed(selected, solver, config, slow_down)
+        kept = slowed_to_motors(clip, solver.spec)
+        if config.time_scale != "froude" or kept is clip:
+            break
+        slow_down = kept.slow_down
+    return kept, moved
+
+
+def retarget_at_speed(
+    selected: SelectedRange, solver: InverseKinematics, config: RetargetConfig, slow_down: float
+) -> tuple[MotionClip, float]:
+    """Close a cycle in task space, hold standing feet, fit the base, and only then solve for the joints.
 
     All of it is done on the clip continued on both sides, so that what comes out in the middle is periodic, or at rest
     at its ends.
@@ -210,11 +233,20 @@ def retarget_contacts(
     closed, cycle = closed_at_ends(selected, selected.targets, config)
     margin = round(MARGIN_TIME / frame_duration) + longest_stance(selected.stance)
     longer = extend(closed, cycle, margin, margin)
-    stance = selected.stance[continued(np.arange(-margin, num_frames + margin), num_frames, cycle is not None)]
-    longer, stance, moved = stand(longer, without_short_runs(stance, frame_duration), solver.spec, config)
+    played = continued(np.arange(-margin, num_frames + margin), num_frames, cycle is not None)
+    stance, rests = without_short_runs(selected.stance[played], frame_duration), selected.rests[played]
+    fitting = (solver.spec, frame_duration, config.knee_margin)
+    wanted = side_by_side(longer, stance, rests) if rests.any() else longer
+    near = settle(wanted, rests, *fitting) if rests.any() else wanted
+    longer, stance, moved = stand(near, stance, solver.spec, config)
     if config.time_scale == "froude":
-        longer = fly(longer, stance, GRAVITY * (selected.time_scale * frame_duration) ** 2, frame_duration)
-    longer = fit_height(solver.spec, longer, frame_duration, config)
+        fall = GRAVITY * (selected.time_scale * slow_down * frame_duration) ** 2
+        longer, wanted = (fly(one, stance, fall, frame_duration) for one in (longer, wanted))
+    if rests.any():
+        # Feet that roll with other legs than at first leave the base another place.
+        longer = settle(replace(wanted, feet=longer.feet), rests, *fitting)
+    else:
+        longer = fit_height(solver.spec, longer, frame_duration, config)
     first = round(SOLVED_MARGIN / frame_duration)
     around = longer.frames(margin - first, margin + num_frames + first)
     solved, residual = solver.solve(above_floor(around, frame_duration, solver.spec))
@@ -222,7 +254,7 @@ def retarget_contacts(
     step = None if cycle is None else cycle_between(solved, first, num_frames)
     poses = solved.frames(middle.start, middle.stop).recentred()
     clip = clip_of(selected, poses, stance[margin : margin + num_frames], residual[middle], step, solver.spec)
-    return slowed_to_motors(clip, solver.spec), float(moved[margin : margin + num_frames].max())
+    return slowed(clip, slow_down, solver.spec), float(moved[margin : margin + num_frames].max())
 
 
 def closed_at_ends(selected: SelectedRange, poses: Poses, config: RetargetConfig) -> tuple[Poses, CycleStep | None]:
@@ -253,6 +285,7 @@ def clip_of(
         name=selected.name,
         frame_duration=selected.frame_duration * selected.time_scale,
         stance=stance.astype(float),
+        body_rests=selected.rests.astype(float),
         residual=residual,
         cycle=cycle,
         origin=selected.origin,
@@ -300,6 +333,12 @@ def cycle_between(poses: Poses, first: int, num_frames: int) -> CycleStep:
 def slowed_to_motors(clip: MotionClip, spec: RobotSpec) -> MotionClip:
     """Return the clip, slowed by the smallest factor that keeps every joint within its motor's speed."""
     factor = float((np.abs(clip.joint_velocity) / np.array(spec.joint_speed)).max())
+    return slowed(clip, factor, spec)
+
+
+def slowed(clip: MotionClip, factor: float, spec: RobotSpec) -> MotionClip:
+    """Return the clip slowed by a factor, itself if that is no more than 1."""
     if factor <= 1.0:
         return clip
-    return replace(clip, frame_duration=clip.frame_duration * factor, slow_down=factor).completed(spec)
+    slow_down = factor * clip.slow_down
+    return replace(clip, frame_duration=clip.frame_duration * factor, slow_down=slow_down).completed(spec)

@@ -26,6 +26,7 @@ SHAPES = {
     "joint_velocity": (12,),
     "foot_position": (4, 3),
     "stance": (4,),
+    "body_rests": (2,),
     "residual": (),
 }
 """Of each array, after the frames."""

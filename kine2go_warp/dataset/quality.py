@@ -15,6 +15,7 @@ QUALITY_NEEDS = (
     "root_position", "root_orientation", "root_angular_velocity", "joint_position", "joint_velocity", "joint_target",
     "link_position", "link_linear_velocity", "foot_contact_force", "leg_contact", "leg_distance", "torque_at_limit",
     "reference_root_position", "reference_root_orientation", "reference_joint_position", "reference_foot_position",
+    "reference_body_rests",
 )  # fmt: skip
 """Row arrays that the metrics are computed from."""
 
@@ -31,7 +32,7 @@ def rollout_quality(rows: Rows, frame_duration: float, spec: RobotSpec) -> dict[
         **metrics.tracking_quality(rows),
         "largest_root_error": np.nanmax(metrics.root_error(rows), axis=1),
         "largest_root_angle": np.nanmax(metrics.root_angle(rows), axis=1),
-        "leg_contact": np.nanmean(rows["leg_contact"], axis=1),
+        "leg_contact": np.nanmean(rows["leg_contact"] * (1.0 - rows["reference_body_rests"]), axis=1),
         "joint_limit": metrics.joint_limit_share(rows["joint_position"], spec.joint_lower, spec.joint_upper),
         "torque_saturation": metrics.torque_saturation(rows["torque_at_limit"]),
         "action_saturation": metrics.action_saturation(rows["joint_target"], spec.joint_lower, spec.joint_upper),

@@ -95,6 +95,7 @@ ROW_ARRAYS = (
     ArraySpec("reference_root_angular_velocity", (*_FRAME, "axis"), "rad/s", "of the base, world frame"),
     ArraySpec("reference_joint_velocity", (*_FRAME, "joint"), "rad/s", "reference at the row's instant"),
     ArraySpec("reference_foot_position", (*_FRAME, "foot", "axis"), "m", "reference at the row's instant, world"),
+    ArraySpec("reference_body_rests", _FRAME, "1", "1 where the reference lets base and legs touch the ground, else 0"),
     ArraySpec("reward", (*_FRAME, "term"), "1", "weighted terms, which add up to the reward"),
 )
 """Arrays with one entry a row, padded with NaN where a trajectory is shorter."""

@@ -52,6 +52,13 @@ class PlacedClip:
         turns = self._frame(step) / self.clip.span
         return turns if self.clip.cycle is None else turns % 1.0
 
+    def body_may_touch(self, step: float) -> bool:
+        """Return whether parts other than the feet may touch the ground ``step`` control steps into the episode."""
+        whole, _ = self._split(step)
+        return bool(
+            self.clip.body_may_touch[continued(np.array(whole), self.clip.num_frames, self.clip.cycle is not None)]
+        )
+
     def root(self, step: float) -> Pose:
         """Return the root ``step`` control steps into the episode."""
         whole, fraction = self._split(step)

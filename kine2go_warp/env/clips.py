@@ -36,6 +36,7 @@ def upload_clips(clips: Sequence[MotionClip], control_duration: float, device: w
     reference.root_angular_velocity = wp.array(packed("root_angular_velocity"), dtype=wp.vec3, device=device)
     reference.joint_position = wp.array(packed("joint_position"), dtype=float, device=device)
     reference.joint_velocity = wp.array(packed("joint_velocity"), dtype=float, device=device)
+    reference.body_rests = wp.array(packed("body_may_touch").astype(np.int32), dtype=int, device=device)
     reference.first_frame = wp.array(np.cumsum(lengths) - lengths, dtype=int, device=device)
     reference.num_frames = wp.array(lengths, dtype=int, device=device)
     reference.span = wp.array([clip.span for clip in clips], dtype=int, device=device)
@@ -79,4 +80,5 @@ def make_reference_state(num_worlds: int, device: wp.Device) -> ReferenceState: 
     reference.angular_velocity = wp.zeros(num_worlds, dtype=wp.vec3, device=device)
     reference.joint_position = wp.zeros((num_worlds, 12), dtype=float, device=device)
     reference.joint_velocity = wp.zeros((num_worlds, 12), dtype=float, device=device)
+    reference.body_rests = wp.zeros(num_worlds, dtype=int, device=device)
     return reference

@@ -143,7 +143,7 @@ class MujocoRollouts:
         data, root = self.robot.data, controller.reference.root(step)
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
             return "non_finite"
-        if self.robot.touches_ground:
+        if self.robot.touches_ground and not controller.reference.body_may_touch(step):
             return "body_contact"
         if np.linalg.norm(state.root_position - root.position) > self.config.max_distance:
             return "distance"

@@ -53,7 +53,7 @@ class GatherConfig:
     max_joint_rmse: float = 0.12
     """Largest root mean square of the joint position error [rad]."""
     max_leg_contact: float = 0.2
-    """Largest share of rows in which a thigh or calf touches the ground."""
+    """Largest share of rows in which a thigh or calf touches the ground, but for where the reference does."""
     max_joint_limit: float = 0.05
     """Largest share of joint positions at a limit of the joint."""
     max_torque_saturation: float = 0.05

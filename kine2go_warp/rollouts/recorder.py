@@ -159,6 +159,7 @@ class RolloutRecorder:
         arrays |= {name: getattr(environment.simulation.loads, load) for name, load in LOADS.items()}
         views = {name: wp.to_torch(array) for name, array in arrays.items()}
         views["leg_distance"] = wp.to_torch(self._leg_distance)
+        views["reference_body_rests"] = wp.to_torch(environment.reference.body_rests)
         views["leg_contact"] = wp.to_torch(environment.simulation.leg_contact)
         views["joint_position"] = wp.to_torch(environment.robot.joint_q)[:, 7:]
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]

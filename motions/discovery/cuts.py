@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from kine2go_warp.motions.clip import Kind as ClipKind
-from kine2go_warp.motions.config import LEAST_WAY, RetargetConfig
+from kine2go_warp.motions.config import LEAST_WAY, RetargetConfig, TimeScale
 from kine2go_warp.motions.cycle_search import best_ends, cycle_frames, find_cycles, pose_features, seam_scores
 from kine2go_warp.motions.discovery.gaits import (
     JUMP_RISE,
@@ -63,6 +63,11 @@ class Cut:
     def clip_kind(self) -> ClipKind:
         """The kind of the clip that is made of it; stillness needs no seam."""
         return "cycle" if self.kind == "cycle" else "once"
+
+    @property
+    def time_scale(self) -> TimeScale | None:
+        """That of the clip: in a jump a robot of another size falls for as long as gravity has it."""
+        return "froude" if self.label == "jump" else None
 
     @property
     def name(self) -> str:

@@ -111,7 +111,9 @@ def discover(
         quality = None
         if is_checked:
             frames = FrameRange(one.start, one.end)
-            entry = replace(entries[id(one)], name=one.name, frames=frames, kind=one.clip_kind)
+            entry = replace(
+                entries[id(one)], name=one.name, frames=frames, kind=one.clip_kind, time_scale=one.time_scale
+            )
             try:
                 quality = assess(retarget(entry, None, solver, RetargetConfig()), solver.spec)
                 problem = "; ".join(clip_faults(quality))

@@ -53,6 +53,7 @@ def catalogue_text(
         place = file.path.resolve()
         place = place.relative_to(folder) if place.is_relative_to(folder) else place
         more = {"description": described(one)}
+        more |= {"time_scale": cut.time_scale} if cut.time_scale else {}
         more |= {"mirror": True} if mirrored else {}
         rate = 0.0 if source.tells_rate else cut.recording.rate
         frames = FrameRange(cut.start, cut.end)

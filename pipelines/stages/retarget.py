@@ -52,6 +52,7 @@ class RetargetStage:
             **({"scale": entry.scale} if entry.scale else {}),
             **({"mode": entry.mode} if entry.mode else {}),
             **({"mirrored": True} if entry.mirrored else {}),
+            **({"time_scale": entry.time_scale} if entry.time_scale else {}),
             **({} if entry.kind == "cycle" else {"kind": entry.kind, "hold": entry.hold}),
         }
 

@@ -12,7 +12,7 @@ TIGHTENING_STEPS = 100
 TERMS, NAMES = EnvConfig().active_terminations, EnvConfig().reason_names
 
 
-def reasons(clip, robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, age=None):
+def reasons(clip, robot, reference, body_contact=None, length=None, joint_q=None, overflow=None, age=None, rests=None):
     count = len(robot.position)
     state = upload_robot(robot, np.zeros(3))
     if joint_q is not None:
@@ -24,11 +24,13 @@ def reasons(clip, robot, reference, body_contact=None, length=None, joint_q=None
     with wp.ScopedDevice("cpu"):
         flags, reason, counts = per_world(overflow), per_world(None), wp.zeros(len(NAMES), dtype=int)
         done, time_out = per_world(None, wp.int64), per_world(None, wp.bool)
+        target = upload_reference(reference)
+        target.body_rests = per_world(rests)
         view = world_view(
             placement=make_placement(count, wp.get_device()),
             clips=upload_clips([clip], 1.0 / 60.0, wp.get_device()),
             robot=state,
-            reference=upload_reference(reference),
+            reference=target,
             body_contact=per_world(body_contact),
             overflow=flags,
             overflow_mask=1,
@@ -75,6 +77,12 @@ def test_a_failure_hides_a_time_out(clip, rng):
     robot = random_states(rng, 4)
     names = reasons(clip, robot, robot, body_contact=[0, 1, 0, 1], length=[1199, 0, 1200, 1200])
     assert names == ["", "body_contact", "time_out", "body_contact"]
+
+
+def test_a_body_may_touch_the_ground_where_the_reference_rests_there(clip, rng):
+    robot = random_states(rng, 4)
+    names = reasons(clip, robot, robot, body_contact=[0, 1, 0, 1], rests=[0, 0, 1, 1])
+    assert names == ["", "body_contact", "", ""]
 
 
 def test_a_state_that_is_not_finite_is_found_wherever_it_is(clip, rng):

@@ -13,6 +13,7 @@ from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.fidelity import contacts_by_speed, measure
 from kine2go_warp.motions.generator import PACE, TROT, WALK, DogGait, generate, write_ai4animation
 from kine2go_warp.motions.hops import Hop, generate_hops, write_solo8
+from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.keypoints import FrameRange
 from kine2go_warp.motions.retarget import retarget
 from kine2go_warp.motions.sources import AI4Animation
@@ -218,6 +219,22 @@ def test_dynamically_similar_flights_are_free_falls(solver, tmp_path):
     inside = in_air & np.roll(in_air, 1) & np.roll(in_air, -1)
     height = froude.extended(1, 1).root_position[:, 2]
     np.testing.assert_allclose(np.diff(height, 2)[inside] / froude.frame_duration**2, -GRAVITY, rtol=0.02)
+
+
+def test_flights_of_a_motion_that_motors_slow_are_free_falls_all_the_same(tmp_path):
+    """Hops that ask for half the speed of the Go2's motors, by a robot whose motors are slower than that."""
+    slow = replace(GO2, joint_speed=tuple(0.44 * speed for speed in GO2.joint_speed))
+    write_solo8(generate_hops(Hop(foot_lift=0.12), 150)[None], tmp_path / "hops.pt")
+    entry = load_catalogue()["solo8_jump_forward_a"]
+    entry = replace(entry, file="hops.pt:0", frames=FrameRange(50, 100), time_scale="froude")
+    clip = retarget(entry, tmp_path, InverseKinematics(slow), RetargetConfig(search_time=0.0)).clip
+    assert clip.slow_down > 1.05
+    assert (np.abs(clip.joint_velocity) <= np.array(slow.joint_speed) * (1.0 + 1e-9)).all()
+    in_air = clip.stance.sum(axis=1) == 0
+    inside = in_air & np.roll(in_air, 1) & np.roll(in_air, -1)
+    assert np.count_nonzero(inside) >= 8
+    height = clip.extended(1, 1).root_position[:, 2]
+    np.testing.assert_allclose(np.diff(height, 2)[inside] / clip.frame_duration**2, -GRAVITY, rtol=0.03)
 
 
 def test_a_clip_keeps_its_metrics_in_its_file(clip, tmp_path):

@@ -42,6 +42,7 @@ def perfect(count=1):
         "reference_foot_position": links[:, :, 12:].copy(),
         "foot_contact_force": np.tile(np.float32([0, 0, 40]), (count, ROWS, 4, 1)),
         "leg_contact": np.zeros((count, ROWS), np.float32),
+        "reference_body_rests": np.zeros((count, ROWS), np.float32),
         "leg_distance": np.full((count, ROWS), 0.05, np.float32),
     }
 
@@ -151,6 +152,17 @@ def test_a_figure_at_its_limit_is_accepted_and_one_above_is_not():
     rows["leg_contact"][0, 3], rows["leg_contact"][1, 3:5] = 1.0, 1.0
     config = GatherConfig(max_leg_contact=float(np.float32(1 / 20)))
     assert filtered(rows, config=config).reasons == ("", "leg_contact")
+
+
+def test_legs_may_touch_the_ground_where_the_reference_rests_there_and_nowhere_else():
+    rows = perfect(2)
+    for one in range(2):
+        on_its_legs(rows, one)
+    rows["reference_body_rests"][0, 3:8] = 1.0
+    rows["reference_body_rests"][1, 10:15] = 1.0
+    result = filtered(rows)
+    assert result.reasons == ("", "leg_contact")
+    np.testing.assert_allclose(result.quality["leg_contact"], (0.0, 5 / 20))
 
 
 def test_worst_limit_ratio_is_the_largest_share_of_a_limit():

@@ -42,7 +42,7 @@ def _term(name: str, description: str, params: Params = (), unit: str = "", **ki
 TERMINATIONS = (
     _term("non_finite", "a coordinate is not a finite number", is_fault=True),
     _term("overflow", "the solver dropped contacts or constraints for which its buffers had no room", is_fault=True),
-    _term("body_contact", "base or head touches the ground"),
+    _term("body_contact", "base or head touches the ground, but for where the reference does"),
     _term("distance", "the root is too far from its reference", (("max_distance", 1.0),), "m"),
     _term("rotation", "the root is turned too far from its reference", (("max_angle", 1.5708),), "rad"),
     _term(

@@ -14,6 +14,7 @@ from kine2go_warp.motions.discovery.likeness import unique_time
 from kine2go_warp.motions.discovery.recording import read_recording
 from kine2go_warp.motions.generator import PACE, TROT, DogGait, generate, write_ai4animation
 from kine2go_warp.motions.own_file import OwnFile
+from kine2go_warp.motions.quality import distance_to_hull
 from kine2go_warp.pipelines.recipe import load_recipe
 from kine2go_warp.robots import GO2
 
@@ -172,3 +173,8 @@ def test_ten_recordings_of_dogs_hold_sixty_motions_that_fit_the_robot(data_folde
     assert len({one.name for one in found.motions}) == len(found.motions)
     assert {"walk", "trot", "pace", "gallop", "turn", "strafe"} <= {one.cut.label for one in found.motions}
     assert 0.5 * found.recorded_time < found.unique_time < found.recorded_time
+
+
+def test_without_feet_on_the_floor_nothing_bears_the_base():
+    assert distance_to_hull(np.empty((0, 2))) == np.inf
+    assert distance_to_hull(np.array([[0.3, 0.4]])) == pytest.approx(0.5, abs=1e-4)
