@@ -4,13 +4,14 @@ import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import ClipOrigin, Kind
 from kine2go_warp.motions.config import Mode, TimeScale
 from kine2go_warp.motions.keypoints import FrameRange
+from kine2go_warp.motions.parts import Part, parse_parts
 from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
 from kine2go_warp.motions.sources.dialects import Dialect, parse_dialects
 from kine2go_warp.motions.sources.points import PointSource
@@ -23,7 +24,7 @@ BUNDLED_FOLDER = Path(__file__).with_name("data")
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """One motion of the catalogue."""
+    """One motion of the catalogue, or a sequence of some."""
 
     name: str
     collection: str
@@ -59,6 +60,10 @@ class CatalogueEntry:
     """As in ``RetargetConfig``, where it is another than the settings'."""
     hold: float | None = None
     """Time for which these are held [s], where that is another than the settings'."""
+    parts: tuple[Part, ...] = ()
+    """What a sequence consists of; it has no file of its own, and is played once."""
+    members: tuple["CatalogueEntry", ...] = ()
+    """The motions of these."""
     mirrored: bool = False
     """Whether left and right are exchanged."""
 
@@ -83,11 +88,13 @@ class CatalogueEntry:
         return replace(source, scale=self.scale)
 
     def path(self, data_folder: Path | None) -> Path:
-        """Return where the file lies.
+        """Return where the file lies, of a sequence that of its first part.
 
         Raises:
             CatalogueError: the motion is not bundled and no data folder is known.
         """
+        if self.members:
+            return next(iter([member.path(data_folder) for member in self.members]))
         if self.bundled:
             return BUNDLED_FOLDER / self.file
         if self.folder:
@@ -100,10 +107,16 @@ class CatalogueEntry:
         return data_folder / self.file
 
     def is_there(self, data_folder: Path | None) -> bool:
-        """Return whether the file is there."""
+        """Return whether the file is there, of a sequence all of them."""
+        if self.members:
+            return all(member.is_there(data_folder) for member in self.members)
         if not self.bundled and not self.folder and data_folder is None:
             return False
         return self.motion_source.data_file(self.path(data_folder)).is_file()
+
+    def with_files(self) -> list["CatalogueEntry"]:
+        """Return the motions that have files: itself, or of a sequence all that it is made of."""
+        return [one for member in self.members for one in member.with_files()] or [self]
 
     def file_remarks(self, sha256: str) -> tuple[str, ...]:
         """Return what is to be said of a file by its checksum: whether it is another one than the catalogue means."""
@@ -141,7 +154,32 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
 
 def own_catalogue(own: Path) -> dict[str, CatalogueEntry]:
     """Return the entries of a user's own catalogue alone, by name; errors as of ``load_catalogue``."""
-    return parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    found = parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    known = bundled_catalogue() | found
+    return {name: with_members(entry, known, str(own)) for name, entry in found.items()}
+
+
+def with_members(
+    entry: CatalogueEntry, entries: dict[str, CatalogueEntry], where: str, above: tuple[str, ...] = ()
+) -> CatalogueEntry:
+    """Return an entry with the motions of its parts, and their licences and citations.
+
+    Raises:
+        CatalogueError: a part is not in the catalogue, or a sequence is a part of itself.
+    """
+    members = []
+    for part in entry.parts:
+        if part.name in (*above, entry.name):
+            raise CatalogueError(f"{where}: '{part.name}' is a part of itself, in the parts of '{entry.name}'")
+        if part.name not in entries:
+            raise CatalogueError(f"{where}: '{entry.name}' has the unknown part '{part.name}'; add a [[motion]] for it")
+        members.append(with_members(entries[part.name], entries, where, (*above, entry.name)))
+        if members[-1].kind == "once" and (part.cycles or part.seconds):
+            raise CatalogueError(f"{where}: '{entry.name}' repeats '{part.name}', which is played once")
+    if not members:
+        return entry
+    said = {name: "; ".join(dict.fromkeys(getattr(one, name) for one in members)) for name in ("licence", "citation")}
+    return replace(entry, members=tuple(members), **said)
 
 
 COLLECTION_FIELDS = {"source": str, "folder": str, "licence": str, "citation": str, "rate": float, "bundled": bool}
@@ -168,6 +206,8 @@ del LOOSE_FIELDS["collection"]
 
 All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
+SEQUENCE_FIELDS = {"name": str, "parts": list, "length": int, "description": str, "hold": float}
+"""Of a sequence of motions."""
 OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
 OPTIONAL += ("time_scale", "mirror")
 BOUNDS = (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
@@ -204,6 +244,13 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
     entries: dict[str, CatalogueEntry] = {}
     for line, motion in zip(headers["[[motion]]"], content.get("motion", []), strict=False):
         here = f"{where}, line {line}, [[motion]]"
+        if "parts" in motion:
+            check_fields(motion, SEQUENCE_FIELDS, here)
+            check_name(motion["name"], here, CatalogueError)
+            if motion["name"] in entries:
+                raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
+            entries[motion["name"]] = sequence_entry(motion, here)
+            continue
         is_loose = "collection" not in motion and "source" in motion
         check_fields(motion, LOOSE_FIELDS if is_loose else MOTION_FIELDS, here)
         check_name(motion["name"], here, CatalogueError)
@@ -247,6 +294,32 @@ def twin_name(name: str) -> str:
     return f"{name}_mirrored"
 
 
+def sequence_entry(motion: dict[str, Any], where: str) -> CatalogueEntry:
+    """Return the entry of a sequence, without the motions of its parts.
+
+    Raises:
+        CatalogueError: its parts are not names, or tables of a motion and how often or for how long it is repeated.
+    """
+    parts = parse_parts(motion["parts"], where)
+    return CatalogueEntry(
+        name=motion["name"],
+        collection="",
+        source="sequence",
+        file=" + ".join(part.name for part in parts),
+        frames=FrameRange(),
+        rate=0.0,
+        length=motion.get("length", DEFAULT_LENGTH),
+        sample=False,
+        bundled=False,
+        licence="",
+        citation="",
+        description=motion.get("description", ""),
+        kind="once",
+        hold=motion.get("hold"),
+        parts=parts,
+    )
+
+
 def check_fields(values: dict[str, object], fields: dict[str, type], where: str) -> None:
     """Check the fields of a table.
 
@@ -272,7 +345,7 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
     for name, choices in (("mode", get_args(Mode)), ("kind", get_args(Kind))):
         if values.get(name, choices[0]) not in choices:
             raise CatalogueError(f"{where}: {name} is {values[name]!r}; choose {' or '.join(choices)}")
-    if "hold" in values and values.get("kind") != "once":
+    if "hold" in values and values.get("kind") != "once" and "parts" not in values:
         raise CatalogueError(f'{where}: hold is for a motion with kind = "once"')
 
 

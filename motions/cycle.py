@@ -50,6 +50,35 @@ def continued(frames: NDArray[np.int_], num_frames: int, is_cycle: bool) -> NDAr
     return frames % num_frames if is_cycle else np.clip(frames, 0, num_frames - 1)
 
 
+def rest_places(last: int, ramps: tuple[int, int], before: int, after: int) -> Array:
+    """Return the places of a motion, frame by frame, that comes from rest at place 0 and to rest at place ``last``.
+
+    Its speed of one place a frame rises and falls within ``ramps`` frames without a jump of speed or acceleration.
+    Where a ramp is 0 it does not slow down and goes on beyond its end.
+
+    Args:
+        last: Place of the end [frames].
+        ramps: Even numbers of frames, together at most twice ``last``.
+        before: Frames before place 0.
+        after: Frames after place ``last``.
+    """
+    start, end = ramps
+    total = last + (start + end) // 2
+    frames = np.arange(-before, total + after + 1)
+
+    def passed(frame: NDArray[np.int_], ramp: int) -> Array:
+        # The integral of 3 x^2 - 2 x^3.
+        x = np.clip(frame / ramp, 0.0, 1.0)
+        return ramp * (x**3 - 0.5 * x**4)
+
+    places: Array = (frames - 0.5 * start).astype(np.float64)
+    if start:
+        places = np.where(frames < start, passed(frames, start), places)
+    if end:
+        places = np.where(total - frames < end, last - passed(total - frames, end), places)
+    return places
+
+
 def extend(poses: Poses, cycle: CycleStep | None, before: int, after: int) -> Poses:
     """Continue a clip by some frames on either side: a closed cycle repeats, without one the ends are held."""
     frames = np.arange(-before, len(poses) + after)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.cycle import rest_places
 
 LEG_NAMES = ("FL", "FR", "RL", "RR")
 
@@ -91,16 +92,7 @@ class KeypointMotion:
         step, last = 1.0 / self.rate, end - 1 - start
         ramp = 2 * min(round(0.5 * slow_down / step), last // 2)
         held = round(hold / step) + round(margin / step)
-        frames = np.clip(np.arange(-held, last + ramp + held + 1), 0, last + ramp)
-        from_end = last + ramp - frames
-
-        def passed(frame: NDArray[np.float64]) -> NDArray[np.float64]:
-            # The integral of 3 x^2 - 2 x^3, in frames of the range.
-            x = np.clip(frame / max(ramp, 1), 0.0, 1.0)
-            return ramp * (x**3 - 0.5 * x**4) + np.maximum(frame - ramp, 0.0)
-
-        near_start = frames <= from_end
-        places = np.where(near_start, passed(frames.astype(float)), last - passed(from_end.astype(float)))
+        places = np.clip(rest_places(last, (ramp, ramp), held, held), 0.0, last)
         position = CubicSpline(np.arange(last + 1), self.position[start:end])(places)
         return replace(self, time=step * np.arange(len(places)), position=position)
 

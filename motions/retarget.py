@@ -1,5 +1,6 @@
 """From a motion file to the clip that the simulation tracks."""
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from kine2go_warp.motions.fidelity import measure
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.keypoints import KeypointMotion
 from kine2go_warp.motions.poses import Poses
+from kine2go_warp.motions.sequence import Played, animal_of, joined
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, stand_feet, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
@@ -111,6 +113,8 @@ def retarget(
         ClipError: the file or the range cannot be used.
         CatalogueError: the file is not bundled and no data folder is given.
     """
+    if entry.members:
+        return join(entry, data_folder, solver, config)
     source = entry.motion_source
     path = entry.path(data_folder)
     motion = source.load(path, entry.rate or None)
@@ -147,6 +151,36 @@ def retarget(
     if entry.mirrored:
         clip = mirror_image(clip).completed(solver.spec)
     return Retargeted(clip, float(steps.sum()), score, moved, remarks)
+
+
+def join(
+    entry: CatalogueEntry, data_folder: Path | None, solver: InverseKinematics, config: RetargetConfig
+) -> Retargeted:
+    """Retarget the parts of a sequence and join them to one clip that is played once.
+
+    Raises:
+        ClipError: a file or a range of a part cannot be used.
+        CatalogueError: a file is not bundled and no data folder is given.
+    """
+    spec, found = solver.spec, [retarget(member, data_folder, solver, config) for member in entry.members]
+    parts = [Played.of(one.clip, part) for one, part in zip(found, entry.parts, strict=True)]
+    step = min(part.clip.frame_duration for part in parts)
+    hold = config.hold if entry.hold is None else entry.hold
+    track = joined(parts, spec, step, round(hold / step), 2 * round(0.5 * config.slow_down_time / step))
+    poses = track.poses()
+    digest = hashlib.sha256("".join(part.clip.content_hash() for part in parts).encode()).hexdigest()
+    names = " + ".join(part.name for part in entry.parts)
+    origin = ClipOrigin("sequence", names, digest, 0, len(track), 1.0 / step, entry.licence, entry.citation)
+    rests = np.zeros((len(track), 2), dtype=bool)
+    selected = SelectedRange(entry.name, "once", poses, track.stance > 0.5, rests, step, 1.0, origin)
+    # The parts have their pace and their flights already.
+    clip, moved = retarget_contacts(selected, solver, replace(config, time_scale=1.0))
+    animal = animal_of(poses, spec, step)
+    roots = (poses.root_position, poses.root_orientation), (clip.root_position, clip.root_orientation)
+    clip = replace(clip, keypoints=skeleton_at(animal, 0.0, *roots), fidelity=measure(clip, animal, spec))
+    length = float(np.linalg.norm(np.diff(poses.root_position[:, :2], axis=0), axis=1).sum())
+    remarks = tuple(f"{one.clip.name}: {remark}" for one in found for remark in one.remarks)
+    return Retargeted(clip, length, float("nan"), moved, remarks)
 
 
 def select(

@@ -44,6 +44,8 @@ class ArtefactRecord:
     """Version and revision of this package."""
     machine: str
     """Name of the machine and device."""
+    core_seconds: float = 0.0
+    """Processor time that it took, that of child processes included [s]; 0 in records made before it was kept."""
     format_version: int = FORMAT_VERSION
 
     @property

@@ -3,14 +3,15 @@
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 from kine2go_warp.errors import Kine2GoError, RecipeError
 from kine2go_warp.learning.presets import FAST, Preset, base_preset
-from kine2go_warp.motions.catalogue import twin_name
+from kine2go_warp.motions.catalogue import load_catalogue, twin_name
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 from kine2go_warp.rollouts.config import GatherConfig
@@ -51,7 +52,7 @@ class Recipe:
     name: str
     """Name of the folder that results go to."""
     motions: tuple[str, ...]
-    """Names of catalogue entries."""
+    """Names of catalogue entries; with ``*`` all that it stands for."""
     catalogue: str = ""
     """TOML file with motions of your own, in the form of the catalogue; the recipe itself where it has [[motion]]."""
     robot: str = DEFAULT_ROBOT
@@ -133,6 +134,10 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     recipe = from_dictionary(Recipe, values, where, RecipeError, locate, base)
     if not recipe.motions:
         refuse("motions", "'motions' is empty; name at least one motion of the catalogue")
+    try:
+        recipe = replace(recipe, motions=named_motions(recipe))
+    except Kine2GoError as error:
+        refuse("motions", str(error))
     for motion in recipe.motions:
         if recipe.motions.count(motion) > 1:
             refuse("motions", f"'motions' names {motion} more than once")
@@ -145,6 +150,25 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe
+
+
+def named_motions(recipe: Recipe) -> tuple[str, ...]:
+    """Return the recipe's motions with the names in the place of patterns such as ``ai4_dog_*``.
+
+    Raises:
+        Kine2GoError: the catalogue cannot be read, or has no motion of a pattern.
+    """
+    found: list[str] = []
+    for motion in recipe.motions:
+        if "*" not in motion:
+            found.append(motion)
+            continue
+        known = load_catalogue(Path(recipe.catalogue) if recipe.catalogue else None)
+        names = [name for name in known if fnmatchcase(name, motion)]
+        if not names:
+            raise RecipeError(f"'motions' has '{motion}', and the catalogue no motion of such a name")
+        found += names
+    return tuple(found)
 
 
 def apply_override(values: dict[str, Any], override: str) -> None:

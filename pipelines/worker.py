@@ -1,5 +1,6 @@
 """What a worker does: the next stage of a motion, with a log, wherever it is called."""
 
+import os
 import platform
 import time
 import traceback
@@ -72,7 +73,7 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
     """Make one artefact."""
     slot, stage = following.slot, following.stage
     assert slot is not None
-    started = time.monotonic()
+    started, core_started = time.monotonic(), core_seconds()
     monitor = Monitor(job, stage.name)
     with slot.build(keep=stage.resumable) as folder:
         made = stage.make(job, finished_artefacts(plans), folder, monitor)
@@ -83,9 +84,16 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
             output=made.output,
             metrics=made.metrics,
             seconds=round(time.monotonic() - started, 3),
+            core_seconds=round(core_seconds() - core_started, 3),
             finished=datetime.now(UTC).isoformat(timespec="microseconds"),
             software=f"{__version__} {revision()}".strip(),
             machine=f"{platform.node()} {job.device}",
         )
         slot.finish(record)
     return made
+
+
+def core_seconds() -> float:
+    """Return the processor time of this process and of its children that have ended [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

@@ -296,7 +296,7 @@ class Sources:
             raise CatalogueError(f"{self.url}: not an address that begins with http:// or https://")
         self.data.mkdir(parents=True, exist_ok=True)
         wanted = {}
-        for entry in entries:
+        for entry in (one for listed in entries for one in listed.with_files()):
             if check_file(entry, self.data).state in ("missing", "damaged"):
                 wanted.setdefault(entry.motion_source.data_file(Path(entry.file)), entry)
         output = console()

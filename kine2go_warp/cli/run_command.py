@@ -173,6 +173,9 @@ class Status(RecipeOptions):
 
     json: bool = False
     """Write one JSON object instead of tables."""
+    markdown: Path | None = None
+    """Write the results of each motion to this file, too, as a table in Markdown: iterations, why training stopped,
+    acceptance with reasons, errors, power, time."""
 
     def run(self) -> int:
         """Print the tables."""
@@ -184,5 +187,5 @@ class Status(RecipeOptions):
         workspace = self.workspace(recipe)
         # A cluster's device need not exist on this machine.
         device = self.device or choose_device(None)
-        print_status(make_jobs(recipe, workspace, data_folder(self.data), device), self.json)
+        print_status(make_jobs(recipe, workspace, data_folder(self.data), device), self.json, self.markdown)
         return 0

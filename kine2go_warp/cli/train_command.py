@@ -10,6 +10,7 @@ from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
+from kine2go_warp.learning.stopping import StoppingConfig
 from kine2go_warp.settings import from_dictionary, to_dictionary
 from kine2go_warp.toml import place_in, read_toml, to_toml
 
@@ -57,6 +58,7 @@ class Train:
     """Short for --env.terrain.kind."""
     env: EnvConfig = field(default_factory=lambda: FAST.env)
     ppo: PpoConfig = field(default_factory=lambda: FAST.ppo)
+    stopping: StoppingConfig = field(default_factory=lambda: FAST.stopping)
 
     def settings(self) -> Preset:
         """Return all settings, the short options included.
@@ -71,7 +73,7 @@ class Train:
             "env.terrain.kind": self.terrain,
         }
         given = {path: value for path, value in short.items() if value is not None}
-        return Preset(self.preset, self.env, self.ppo).override(given)
+        return Preset(self.preset, self.env, self.ppo, self.stopping).override(given)
 
     def run(self) -> int:
         """Train with a progress bar."""
@@ -110,7 +112,9 @@ class Train:
                 progress.note,
                 observer,
             )
-        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s")
+        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s, stopped: {record.stop_reason}")
+        if record.evaluation is not None:
+            print(f"the policy after {record.evaluation.iteration} iterations is kept: {record.evaluation}")
         return 0
 
 
@@ -128,7 +132,7 @@ def default_train(arguments: Sequence[str]) -> Train:
         base = found if preset else base_preset(section, config, locate=locate)
         section = {**section, "preset": base.preset} if isinstance(section, dict) else section
         found = from_dictionary(Preset, section, config, locate=lambda key: locate(f"train.{key}"), base=base)
-    return Train(preset=found.preset, env=found.env, ppo=found.ppo)
+    return Train(preset=found.preset, env=found.env, ppo=found.ppo, stopping=found.stopping)
 
 
 def option(arguments: Sequence[str], name: str) -> str | None:

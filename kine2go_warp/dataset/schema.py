@@ -86,7 +86,9 @@ ROW_ARRAYS = (
     ArraySpec("leg_contact", _FRAME, "1", "1 where a thigh or calf touches the ground, else 0"),
     ArraySpec("leg_distance", _FRAME, "m", "least distance of a leg from another, the trunk or the head; < 0: overlap"),
     ArraySpec("push", (*_FRAME, "axis"), "m/s", "velocity that a push adds to the base right after this row, world"),
-    ArraySpec("phase", _FRAME, "1", "place in the reference cycle, in [0, 1)"),
+    ArraySpec(
+        "phase", _FRAME, "1", "place in the reference cycle, in [0, 1), or in a motion that is played once, up to 1"
+    ),
     ArraySpec("cycle", _FRAME, "1", "whole reference cycles passed"),
     ArraySpec("reference_root_position", (*_FRAME, "axis"), "m", "reference at the row's instant, world frame"),
     ArraySpec("reference_root_orientation", (*_FRAME, "quaternion"), "1", "reference at the row's instant, wxyz"),
@@ -123,7 +125,12 @@ TRAJECTORY_ARRAYS = (
     ArraySpec("length", ("trajectory",), "1", "valid rows", "int32"),
     ArraySpec("heading", ("trajectory",), "rad", "turn of the whole reference about the z axis"),
     ArraySpec("seed", ("trajectory",), "1", "seed that the rollout was drawn from", "uint32"),
-    ArraySpec("start_phase", ("trajectory",), "1", "place in the cycle where the rollout began, before the trim"),
+    ArraySpec(
+        "start_phase",
+        ("trajectory",),
+        "1",
+        "place in the cycle where the rollout began, before the trim",
+    ),
     ArraySpec("noise", ("trajectory",), "1", "noise on the actions, in standard deviations of the policy"),
     ArraySpec("terminated", ("trajectory",), "1", "1 where it ended early, 0 where it was truncated", "int32"),
     *DIVERSITY_ARRAYS,

@@ -211,7 +211,7 @@ def describe(
         software_version=__version__,
         revision=revision(),
         policy=policy.path.resolve().name,
-        iterations=policy.iterations_done(),
+        iterations=record.policy_iterations,
         checkpoint_sha256=policy.checkpoint_hash(),
         fingerprint=record.fingerprint,
         robot=spec.name,

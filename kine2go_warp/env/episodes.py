@@ -22,7 +22,7 @@ class EpisodeStart:
     clip: NDArray[np.int32]
     """Index of the clip."""
     phase: NDArray[np.float32]
-    """Place in the cycle, in [0, 1)."""
+    """Phase of the clip, in [0, 1), or less than 0 before the beginning of one that is played once."""
     heading: NDArray[np.float32]
     """Turn of the reference about the world's z axis [rad]."""
 

@@ -77,7 +77,7 @@ class AblationConfig:
         """Return the settings of one training, which has as many steps as all others."""
         preset = variant.preset.on(device)
         iterations = round(self.steps / (preset.env.num_worlds * preset.ppo.num_steps_per_env))
-        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations)})
+        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations), "stopping.interval": 0})
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def run_trial(trial: Trial, config: AblationConfig, device: str, **training: Any
     key = content_hash(policy.checkpoint_hash(), to_dictionary(config.evaluation))
     if (read_result(policy) or {}).get("key") == key:
         return
-    rows = config.evaluation.rows(preset.env.control_rate)
+    rows = config.evaluation.rows(preset.env.control_rate, trial.clip)
     values = {}
     for one in evaluate(policy, config.evaluation, device):
         found = {name: one.estimate(name).value for name in one.metrics}

@@ -1,5 +1,6 @@
 """Settings of an evaluation."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,6 +9,7 @@ import numpy as np
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.terms.randomization import RANDOMIZATION
 from kine2go_warp.learning.presets import ROBUST
+from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import MILD, rollout_environment
 from kine2go_warp.settings import check_ranges
 
@@ -23,9 +25,10 @@ class EvalConfig:
     """Settings of an evaluation."""
 
     worlds: int = 64
-    """Rollouts of each clip under each condition; their initial phases and headings are evenly spaced."""
+    """Rollouts of each clip under each condition; their initial phases and headings are evenly spaced. Those of a clip
+    that is played once begin at its first frame."""
     seconds: float = 20.0
-    """Length of a rollout [s]."""
+    """Length of a rollout [s]; one of a clip that is played once ends with the clip."""
     randomization: Literal["mild", "robust"] = "mild"
     """What differs between rollouts where something does: mild as in gathering, robust as in that preset."""
     max_distance: float = 1.0
@@ -43,9 +46,10 @@ class EvalConfig:
         check_ranges(self, worlds=(1, 1_000_000), seconds=(0.1, 3600), seed=(0, 2**31 - 1))
         check_ranges(self, max_distance=(1e-6, 1e3), max_angle=(1e-6, np.pi))
 
-    def rows(self, control_rate: float) -> int:
+    def rows(self, control_rate: float, clip: MotionClip) -> int:
         """Return the length of a rollout [control steps]."""
-        return round(self.seconds * control_rate)
+        longest = round(self.seconds * control_rate)
+        return longest if clip.cycle is not None else min(longest, math.ceil(clip.period * control_rate - 1e-6) + 1)
 
     def environment(self, trained: EnvConfig, randomised: bool, num_worlds: int) -> EnvConfig:
         """Return the environment to evaluate in: that of the training, with the same limits for every policy."""
@@ -53,8 +57,10 @@ class EvalConfig:
         randomization = RANDOMIZATIONS[self.randomization] if randomised else RANDOMIZATION
         return rollout_environment(trained, num_worlds, self.seed, self.seconds + 1.0, limits, randomization)
 
-    def initial_phases(self) -> np.ndarray:
-        """Return the initial phases, the middles of equal parts of the cycle, shape [worlds]."""
+    def initial_phases(self, clip: MotionClip) -> np.ndarray:
+        """Return the initial phases, the middles of equal parts of a cycle, shape [worlds]."""
+        if clip.cycle is None:
+            return np.zeros(self.worlds, dtype=np.float32)
         return ((np.arange(self.worlds) + 0.5) / self.worlds).astype(np.float32)
 
     def initial_headings(self) -> np.ndarray:

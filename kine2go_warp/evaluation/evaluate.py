@@ -42,8 +42,8 @@ def evaluate(
     clips = policy.read_clips(record)
     device = choose_device(device)
     share_stream(device)
-    rows = config.rows(record.preset.env.control_rate)
-    total, done = rows * len(clips) * len(WORLDS), 0
+    rows = [config.rows(record.preset.env.control_rate, clip) for clip in clips]
+    total, done = sum(rows) * len(WORLDS), 0
     found: dict[tuple[str, str], Result] = {}
     for world, randomised in WORLDS.items():
         noise = tuple(NOISES.values())
@@ -62,5 +62,5 @@ def evaluate(
                     found[clip.name, condition] = measure(
                         batch, chosen, clip.name, condition, settings.control_duration, newton.environment.spec
                     )
-                done += rows
+                done += rows[index]
     return [found[clip.name, condition] for clip in clips for condition in CONDITIONS]

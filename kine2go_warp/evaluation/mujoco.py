@@ -58,7 +58,6 @@ class MujocoRollouts:
             )
         metadata = policy.metadata
         self.policy, self.config, self.spec = policy, config, robot_of(policy.clips)
-        self.num_rows = config.rows(metadata.control_rate)
         self.unknown_ends = tuple(one.name for one in trained.active_terminations if one.name not in KNOWN_ENDS)
         """Terminations of the training that end no rollout here, as they are Warp kernels."""
         motors = MotorState(
@@ -83,14 +82,15 @@ class MujocoRollouts:
             on_rollout: Called with the number of those that are done.
         """
         controller, tracks = PolicyController(self.policy, clip), []
+        num_rows = self.config.rows(self.policy.metadata.control_rate, self.policy.clips[clip])
         for index in range(len(initial.phase)):
             self.robot.set_state(initial.joint_q[index], initial.joint_qd[index])
             controller.begin(float(initial.phase[index]), (0.0, 0.0), float(initial.heading[index]))
-            tracks.append(self._roll_out(controller))
+            tracks.append(self._roll_out(controller, num_rows))
             if on_rollout is not None:
                 on_rollout(index + 1)
         length = np.array([len(track.rows["phase"]) for track in tracks])
-        completed = [self._completed(track) for track in tracks]
+        completed = [self._completed(track, num_rows) for track in tracks]
 
         def read(name: str, chosen: NDArray[Any]) -> NDArray[Any]:
             return np.stack([completed[index][name] for index in chosen])
@@ -112,10 +112,10 @@ class MujocoRollouts:
             joint_velocity=data.qvel[FIRST_DOF:].copy(),
         )
 
-    def _roll_out(self, controller: PolicyController) -> Track:
+    def _roll_out(self, controller: PolicyController, num_rows: int) -> Track:
         """Run one rollout to its end."""
         track, state = Track({}), self.measured()
-        for step in range(self.num_rows):
+        for step in range(num_rows):
             root = controller.reference.root(step)
             target = controller.act(state)
             track.add(
@@ -151,7 +151,7 @@ class MujocoRollouts:
             return "rotation"
         return ""
 
-    def _completed(self, track: Track) -> Rows:
+    def _completed(self, track: Track, num_rows: int) -> Rows:
         """Return the rows of a rollout as in a dataset, NaN after its end."""
         rows = {name: np.array(values) for name, values in track.rows.items()}
         reference = Rotation.from_matrix(rows.pop("reference_root_rotation"))
@@ -161,7 +161,7 @@ class MujocoRollouts:
         links = self._links(rows["reference_root_position"], reference, rows["reference_joint_position"])
         rows["reference_foot_position"] = links[:, -4:]
         rows["action"] = (rows["joint_target"] - self.spec.default_joint_position) / self.spec.action_scale
-        missing = self.num_rows - len(rows["phase"])
+        missing = num_rows - len(rows["phase"])
         return {
             name: np.concatenate([values, np.full((missing, *values.shape[1:]), np.nan)])
             for name, values in rows.items()

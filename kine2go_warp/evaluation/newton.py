@@ -45,7 +45,7 @@ class NewtonRollouts:
             randomised: Whether the worlds differ, and robots are pushed.
             device: Where to simulate.
         """
-        self.config, self.num_rows = config, config.rows(record.preset.env.control_rate)
+        self.config, self.clips = config, clips
         num_worlds = config.worlds * len(noise)
         settings = config.environment(record.preset.env, randomised, num_worlds)
         self.environment = ImitationEnvironment(clips, settings, device, record_loads=True)
@@ -71,10 +71,12 @@ class NewtonRollouts:
         """
         repeats = len(self.noise) // self.config.worlds
         phase, heading = (
-            np.tile(values, repeats) for values in (self.config.initial_phases(), self.config.initial_headings())
+            np.tile(values, repeats)
+            for values in (self.config.initial_phases(self.clips[clip]), self.config.initial_headings())
         )
         starts = EpisodeStart(np.full(len(phase), clip, np.int32), phase, heading)
         self.environment.restart(self.config.seed, starts=starts)
         self.actor.generator.manual_seed(self.config.seed)
+        num_rows = self.config.rows(self.environment.config.control_rate, self.clips[clip])
         with AsyncRowWriter(Path(self._folder.name) / "rows") as writer:
-            return roll_out(self.env, self.actor, self.noise, self.num_rows, writer, on_progress=on_progress)
+            return roll_out(self.env, self.actor, self.noise, num_rows, writer, on_progress=on_progress)

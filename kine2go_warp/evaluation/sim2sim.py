@@ -62,17 +62,20 @@ def sim2sim(
     mujoco = MujocoRollouts(exported, trained, config)
     device = choose_device(device)
     share_stream(device)
-    rows = config.rows(trained.control_rate)
-    per_clip, everyone, found = rows + config.worlds, np.arange(config.worlds), []
+    rows = [config.rows(trained.control_rate, clip) for clip in clips]
+    total, everyone, found = sum(rows) + len(clips) * config.worlds, np.arange(config.worlds), []
     with NewtonRollouts(policy, record, clips, config, (0.0,), False, device) as newton:
         for index, clip in enumerate(clips):
+            before = sum(rows[:index]) + index * config.worlds
 
-            def report(done: int, engine: str, before: int = index * per_clip, name: str = clip.name) -> None:
+            def report(done: int, engine: str, before: int = before, name: str = clip.name) -> None:
                 if on_progress is not None:
-                    on_progress(before + done, per_clip * len(clips), f"{name}, {engine}")
+                    on_progress(before + done, total, f"{name}, {engine}")
 
             one = newton.run(index, lambda step, report=report: report(step, "Newton"))
-            other = mujoco.run(index, one.initial, lambda done, report=report: report(rows + done, "MuJoCo"))
+            other = mujoco.run(
+                index, one.initial, lambda done, report=report, index=index: report(rows[index] + done, "MuJoCo")
+            )
             time = trained.control_duration
             found.append(
                 Comparison(

@@ -43,13 +43,18 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     return checkpoint
 
 
+def acting_weights(checkpoint: dict[str, Any]) -> dict[str, torch.Tensor]:
+    """Return the weights of the best policy so far; where none was evaluated, those of the last iteration."""
+    return checkpoint.get("policy_state_dict", checkpoint["actor_state_dict"])
+
+
 def weights_hash(checkpoint: Path) -> str:
-    """Return the SHA-256 of the actor, its normaliser included: of all that decides how the policy acts.
+    """Return the SHA-256 of the actor that acts, its normaliser included: of all that decides how the policy acts.
 
     It is not that of the file, which also holds what only training needs.
     """
     digest = hashlib.sha256()
-    for name, values in sorted(load_checkpoint(checkpoint, "cpu")["actor_state_dict"].items()):
+    for name, values in sorted(acting_weights(load_checkpoint(checkpoint, "cpu")).items()):
         digest.update(f"{name} {values.dtype} {tuple(values.shape)}".encode())
         digest.update(values.contiguous().numpy().tobytes())
     return digest.hexdigest()

@@ -10,14 +10,14 @@ from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.learning.checkpoint import load_checkpoint
+from kine2go_warp.learning.checkpoint import acting_weights, load_checkpoint
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.symmetry import make_mirrors, mirrored_action
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 
 
 class NoisyPolicy:
-    """The actor of a checkpoint. Sampling has a generator of its own, so that a seed fixes the rollouts."""
+    """The best policy of a checkpoint. Sampling has a generator of its own, so that a seed fixes the rollouts."""
 
     def __init__(self, env: ImitationVecEnv, preset: Preset, checkpoint: Path, seed: int) -> None:
         """Load the actor.
@@ -31,7 +31,7 @@ class NoisyPolicy:
         settings = preset.ppo.runner_settings(seed, preset.env.privileged)
         actor = copy.deepcopy(settings["actor"])
         actor.pop("class_name")
-        weights = load_checkpoint(checkpoint, str(env.device))["actor_state_dict"]
+        weights = acting_weights(load_checkpoint(checkpoint, str(env.device)))
         with contextlib.redirect_stdout(io.StringIO()):
             model = MLPModel(env.get_observations(), settings["obs_groups"], "actor", env.num_actions, **actor)
         try:

@@ -12,6 +12,7 @@ from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.presets import Preset
+from kine2go_warp.learning.stopping import TARGETS, Evaluation, stored_evaluation
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.names import check_name
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
@@ -43,10 +44,20 @@ class PolicyRecord:
     clip_hashes: tuple[str, ...] = ()
     """``MotionClip.content_hash`` of each clip; empty in policies made before it was kept."""
 
+    stop_reason: str = ""
+    """Why training has stopped: targets reached, budget or diverged; empty while it is not finished."""
+    evaluation: Evaluation | None = None
+    """How well the policy tracks, and after how many iterations it was taken; none if it was not evaluated."""
+
+    @property
+    def policy_iterations(self) -> int:
+        """Iterations after which the policy that acts was taken."""
+        return self.iterations if self.evaluation is None else self.evaluation.iteration
+
     @property
     def complete(self) -> bool:
-        """Whether training has reached its last iteration."""
-        return self.iterations >= self.preset.ppo.iterations
+        """Whether training has met its targets or reached its last iteration."""
+        return self.stop_reason == TARGETS or self.iterations >= self.preset.ppo.iterations
 
 
 def read_preset(values: dict[str, Any], where: str) -> Preset:
@@ -103,6 +114,8 @@ class PolicyFolder:
             "seconds": record.seconds,
             "restarts": record.restarts,
             "restart_reason": record.restart_reason,
+            "stop_reason": record.stop_reason,
+            "evaluation": asdict(record.evaluation) if record.evaluation is not None else None,
             "preset": to_dictionary(record.preset),
             "observation": [asdict(field) for field in observation_layout(record.preset.env)],
         }
@@ -133,6 +146,8 @@ class PolicyFolder:
                 seconds=values["seconds"],
                 restarts=values.get("restarts", 0),
                 restart_reason=values.get("restart_reason", ""),
+                stop_reason=values.get("stop_reason", ""),
+                evaluation=stored_evaluation(values.get("evaluation")),
             )
         except FileNotFoundError:
             raise PolicyError(f"{self.path}: no policy here; make one with 'kine2go policy train'") from None
@@ -235,7 +250,7 @@ class PolicyFolder:
         return found[-1]
 
     def checkpoint_hash(self) -> str:
-        """Return the SHA-256 of the newest policy, its normaliser included; what only training needs is not part."""
+        """Return the SHA-256 of the policy that acts, its normaliser included; what only training needs is not part."""
         from kine2go_warp.learning.checkpoint import weights_hash
 
         return weights_hash(self.latest_checkpoint())

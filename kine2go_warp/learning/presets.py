@@ -15,6 +15,7 @@ from kine2go_warp.env.config import (
 from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.learning.stopping import StoppingConfig
 from kine2go_warp.objects import load_object
 from kine2go_warp.settings import check_ranges, override
 
@@ -56,6 +57,7 @@ class PpoConfig:
     """Settings of RSL-RL's PPO, under its own names. Defaults are the paper's (appendix, hyperparameter table)."""
 
     iterations: int = 10_000
+    """Most iterations; fewer where ``stopping`` ends the training before."""
     num_steps_per_env: int = 24
     """Control steps of each world between two updates."""
     save_interval: int = 100
@@ -131,12 +133,13 @@ class PpoConfig:
 
 @dataclass(frozen=True)
 class Preset:
-    """All settings of a training: environment and learner."""
+    """All settings of a training: environment, learner, and when it stops."""
 
     preset: str = "paper"
     """Name of the preset that the settings began with: fast, paper, robust, or FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
+    stopping: StoppingConfig = field(default_factory=StoppingConfig)
 
     def override(self, values: dict[str, Any]) -> "Preset":
         """Return the preset with some settings replaced by their path, such as ``{"ppo.entropy_coef": 0.01}``.
@@ -167,7 +170,7 @@ FAST = Preset(
         terminations=with_limits(0.4, 1.0),
     ),
     ppo=PpoConfig(
-        iterations=200,
+        iterations=600,
         hidden_dims=(256, 128, 64),
         obs_normalization=True,
         init_std=0.4,
@@ -176,6 +179,7 @@ FAST = Preset(
         desired_kl=0.03,
         save_interval=20,
     ),
+    stopping=StoppingConfig(interval=20),
 )
 
 ROBUST = replace(

@@ -32,6 +32,8 @@ GROUPS: dict[str, tuple[str, tuple[Colour, ...]]] = {
     "error": ("errors [m, rad]", ERROR_COLOURS),
     "return": ("reward of an episode", ((98, 160, 234),)),
     "length": ("length of an episode [steps]", ((94, 200, 178),)),
+    "evaluation": ("errors of the mean action [rad, m, m/s]", TERM_COLOURS),
+    "evaluation_shares": ("rollouts of the mean action that last, or are accepted", TERM_COLOURS),
     "speed": ("training [steps/s]", ((200, 200, 200),)),
 }
 """Groups of curves with their titles and colours, in the order of the layout."""
@@ -76,7 +78,8 @@ class TrainingRecording:
         self.name, self.sink, self.drawer = name, sink, RobotDrawer(spec)
         self.problem = ""
         self._seen: deque[Worlds | Iteration] = deque(maxlen=BACKLOG)
-        self._drawn_worlds, self._drawn_curves = 0, False
+        self._drawn_worlds = 0
+        self._drawn_groups: set[str] = set()
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._draw_until_over, name="kine2go recording", daemon=True)
 
@@ -160,14 +163,14 @@ class TrainingRecording:
         self.recording.set_time(TIMELINE, duration=one.time)
         self.recording.set_time(ITERATION, sequence=one.number)
         for group, values in groups.items():
-            if not self._drawn_curves:
+            if group not in self._drawn_groups:
+                self._drawn_groups.add(group)
                 colours = [list(colour) for colour in GROUPS[group][1][: len(values)]]
                 style = rr.SeriesLines(colors=colours, names=list(values), widths=[1.5] * len(values))
                 self.recording.log(f"curves/{group}", style, static=True)
             # What is not known yet, such as the length of episodes before the first one ends, is no point.
             if not any(math.isnan(value) for value in values.values()):
                 self.recording.log(f"curves/{group}", rr.Scalars(list(values.values())))
-        self._drawn_curves = True
         self.recording.reset_time()
 
 
@@ -183,7 +186,7 @@ def training_layout(name: str, rows: Rows) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Grid(*views, grid_columns=2),
-            rrb.Vertical(*plots, row_shares=[3, 3, 2, 2, 2]),
+            rrb.Vertical(*plots, row_shares=[3, 3, 2, 2, 3, 2, 2]),
             column_shares=[3, 2],
             name=f"training {name}",
         ),

@@ -285,13 +285,19 @@ class RolloutCollector:
             drawn: Arrays of ``DIVERSITY_ARRAYS``.
         """
         environment, placement = self.environment, self.environment.episodes.placement
-        is_varied = self.config.diversity.varies_reference
+        is_varied, is_once = self.config.diversity.varies_reference, self.clip.cycle is None
         clips = np.arange(environment.num_worlds, dtype=np.int32) if is_varied else placement.clip.numpy().copy()
-        starts = EpisodeStart(clips, placement.start_phase.numpy().copy(), placement.heading.numpy().copy())
+        duration, times = environment.config.control_duration, drawn["noise_time"].astype(np.float64)
+        phase = placement.start_phase.numpy().copy()
+        if is_once:
+            # The warm-up lies before the first frame; recoveries begin anywhere.
+            warm_up = round(self.config.warm_up * environment.config.control_rate) * duration
+            phase = np.where(drawn["recovery"] > 0, phase, -warm_up / (self.clip.period * drawn["time_scale"]))
+        starts = EpisodeStart(clips, phase.astype(np.float32), placement.heading.numpy().copy())
         if is_varied:
             environment.replace_clips([variation.of(self.clip) for variation in variations(drawn)])
+        if is_varied or is_once:
             environment.restart(worlds, starts)
-        duration, times = environment.config.control_duration, drawn["noise_time"].astype(np.float64)
         persistence = np.exp(-duration / np.maximum(times, 1e-9)).astype(np.float32)
         self.actor.vary(*(torch.from_numpy(values[:, None]) for values in (drawn["mirrored"], persistence)))
         return starts

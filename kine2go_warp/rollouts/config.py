@@ -28,9 +28,11 @@ class GatherConfig:
     trajectories: int = 20
     """Rollouts wanted; only those that the filter accepts count."""
     rows: int | None = None
-    """Rows of a trajectory after the trim; by default those of the paper's table, 571 for other motions."""
+    """Rows of a trajectory after the trim; by default those of the paper's table, 571 for other cycles, and all of a
+    motion that is played once."""
     warm_up: float = 0.5
-    """Dropped from the beginning of each rollout, where the policy gets in step with the reference [s]."""
+    """Dropped from the beginning of each rollout, where the policy gets in step with the reference, or with the first
+    pose of a motion that is played once [s]."""
     action_noise_scale: tuple[float, float] = (0.5, 1.0)
     """Noise on the actions, in standard deviations of the policy, drawn for each rollout from this range."""
     seed: int = 1

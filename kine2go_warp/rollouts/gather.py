@@ -80,9 +80,9 @@ def gather(
     """
     record = policy.read_record()
     clip = chosen_clip(policy, record, motion)
-    config = resolve_settings(config, clip.name)
-    fingerprint = gather_fingerprint(policy, config)
     env = record.preset.env
+    config = settings_for(config, clip, env.control_rate)
+    fingerprint = gather_fingerprint(policy, config)
     simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
     writer.check(clip.name, simulation)
     known = writer.attributes(clip.name)
@@ -103,6 +103,7 @@ def gather(
         borderline = tuple(int(index) for index in np.argsort(-usage, kind="stable") if usage[index] > BORDERLINE)
         attributes = {
             "motion": clip.name,
+            "kind": clip.kind,
             **asdict(clip.origin),
             "fidelity": {} if clip.fidelity is None else clip.fidelity.described(),
             "accepted": accepted.num_trajectories,
@@ -180,6 +181,8 @@ def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str,
         "training_settings": to_dictionary(record.preset),
         "training_seconds": record.seconds,
         "training_iterations": record.iterations,
+        "training_stopped": record.stop_reason,
+        "training_evaluation": {} if record.evaluation is None else record.evaluation.described(),
         "software_version": __version__,
         "software_revision": revision(),
     }
@@ -190,6 +193,21 @@ def resolve_settings(config: GatherConfig, motion: str) -> GatherConfig:
     entry = load_catalogue().get(motion)
     rows = config.rows or (entry.length if entry is not None else DEFAULT_ROWS)
     return replace(config, rows=rows, diversity=config.diversity.resolved())
+
+
+def settings_for(config: GatherConfig, clip: MotionClip, control_rate: float) -> GatherConfig:
+    """Return the settings with what they leave open for a clip.
+
+    By default a clip that is played once is recorded from its first frame to its last, at the slowest pace that is
+    drawn. No offset is added to its speeds, since its ends are at rest.
+    """
+    resolved = resolve_settings(config, clip.name)
+    if clip.cycle is not None:
+        return resolved
+    diversity = replace(resolved.diversity, speed_offset=(0.0, 0.0), turn_offset=(0.0, 0.0))
+    assert diversity.time_scale is not None
+    rows = config.rows or math.ceil(clip.period * diversity.time_scale[1] * control_rate - 1e-6) + 1
+    return replace(resolved, rows=rows, diversity=diversity)
 
 
 def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:

@@ -14,7 +14,7 @@ from kine2go_warp.kernels.leg_distance import least_leg_distance
 from kine2go_warp.kernels.recording import record_reference, record_root
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.metrics import CONTACT_FORCE
-from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from kine2go_warp.rollouts.row_writer import RowStore
 
 ROWS_ON_DEVICE = 128
 """Rows buffered on the device before they are given to the writer."""
@@ -39,7 +39,7 @@ class RolloutRecorder:
     ``record_state`` before a step and ``record_action`` after it make one row.
     """
 
-    def __init__(self, environment: ImitationEnvironment, writer: AsyncRowWriter) -> None:
+    def __init__(self, environment: ImitationEnvironment, writer: RowStore) -> None:
         """Allocate.
 
         Args:

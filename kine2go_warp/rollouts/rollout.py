@@ -14,7 +14,7 @@ from kine2go_warp.dataset.trajectories import padded
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.rollouts.recorder import RolloutRecorder
-from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from kine2go_warp.rollouts.row_writer import RowStore
 from kine2go_warp.rotations import continuous
 
 STEPS_BETWEEN_LOOKS = 64
@@ -36,7 +36,7 @@ class InitialStates:
     """Where rollouts begin, before the warm-up; the first axis of each array is the rollout."""
 
     phase: NDArray[Any]
-    """Phase of the reference cycle, in [0, 1)."""
+    """Phase of the reference, in [0, 1), or less than 0 before the beginning of a motion that is played once."""
     heading: NDArray[Any]
     """Rotation of the reference about the world's z axis [rad]."""
     joint_q: NDArray[Any]
@@ -80,7 +80,7 @@ def roll_out(
     actor: Actor,
     noise: torch.Tensor | float,
     num_rows: int,
-    writer: AsyncRowWriter,
+    writer: RowStore,
     warm_up: int = 0,
     on_first_row: Callable[[], None] | None = None,
     on_progress: Callable[[int], None] | None = None,
@@ -97,7 +97,7 @@ def roll_out(
         actor: The policy.
         noise: Noise on the actions in standard deviations of the policy, shape [num_worlds, 1] or one for all.
         num_rows: Rows of a rollout that does not fail.
-        writer: Where rows are written; it is closed at the end, and the rollouts are read from its files.
+        writer: Where rows go; it is closed at the end, and the rollouts are read from it.
         warm_up: Control steps before the first row. A rollout that fails within them has no rows.
         on_first_row: Called after the warm-up, before the first row is recorded; it may put worlds into other states.
         on_progress: Called now and then with the control steps done, the warm-up included.

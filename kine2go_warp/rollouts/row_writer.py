@@ -1,4 +1,4 @@
-"""Writes rows to the disk in a thread, so that the simulation does not wait."""
+"""Where recorded rows go: to the disk, in a thread so that the simulation does not wait, or into memory."""
 
 import queue
 import shutil
@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 import torch
@@ -14,6 +14,53 @@ from numpy.typing import NDArray
 
 QUEUED_BLOCKS = 3
 """Blocks that may wait, besides the one that is being written, before the simulation waits, too."""
+
+
+class RowStore(Protocol):
+    """Takes blocks of rows and returns them by array and world; see ``AsyncRowWriter``."""
+
+    def submit(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
+        """Take some rows."""
+        ...
+
+    def close(self) -> None:
+        """Take no more."""
+        ...
+
+    def read(self, name: str, worlds: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of some worlds, shape [len(worlds), num_rows, ...]."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays."""
+        ...
+
+
+class RowMemory:
+    """Keeps rows in memory, for a few short rollouts."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[str, list[NDArray[Any]]] = {}
+
+    def submit(self, blocks: dict[str, torch.Tensor], ready: torch.cuda.Event | None) -> None:
+        """Take some rows of all arrays; see ``AsyncRowWriter.submit``."""
+        if ready is not None:
+            ready.synchronize()
+        for name, block in blocks.items():
+            self._blocks.setdefault(name, []).append(block.numpy())
+
+    def close(self) -> None:
+        """Nothing is left to write."""
+
+    def read(self, name: str, worlds: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of some worlds, shape [len(worlds), num_rows, ...]."""
+        return np.moveaxis(np.concatenate([block[:, worlds] for block in self._blocks[name]]), 0, 1)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays."""
+        return tuple(self._blocks)
 
 
 class AsyncRowWriter:

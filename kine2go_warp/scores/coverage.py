@@ -44,7 +44,7 @@ def measure_coverage(data: MotionData) -> Coverage:
 
     Distances are root mean squares over the joints. ``across`` compares each trajectory with the next one alone, so
     that it has about as many cycles to choose from as ``within``: where both are alike, one longer rollout would do.
-    Trajectories whose phase does not go on are left out.
+    Trajectories whose phase does not go on are left out, and rows after the end of a motion that is played once.
     """
     draws, rows = data.trajectories.draws, data.trajectories.rows
     places, signs = mirrored(("joint",), "angle")
@@ -52,12 +52,17 @@ def measure_coverage(data: MotionData) -> Coverage:
     joints = np.where(draws["mirrored"][:, None, None] > 0, joints[..., list(places)] * signs, joints)
     turns = rows["cycle"].astype(np.float64) + rows["phase"]
     each = [(turns[index, :length], joints[index, :length]) for index, length in enumerate(draws["length"])]
+    is_once = data.attributes.get("kind") == "once"
+    if is_once:
+        each = [(places[places < 1.0], values[places < 1.0]) for places, values in each]
     each = [one for one in each if len(one[0]) > 3 and np.diff(one[0]).min() > 0.0]
     if not each:
         return Coverage(math.nan, math.nan, math.nan)
     cycle_rows = 1.0 / float(np.median(np.concatenate([np.diff(one[0]) for one in each])))
+    # A motion that is played once ends otherwise than it begins: it is half of a cycle that goes there and back.
+    half = 0.5 if is_once else 1.0
     share = variance_share(
-        np.concatenate([one[1] for one in each]), np.concatenate([one[0] for one in each]), cycle_rows
+        np.concatenate([one[1] for one in each]), half * np.concatenate([one[0] for one in each]), cycle_rows / half
     )
     cycles = [by_cycle(*one) for one in each]
     pairs = zip(cycles, [*cycles[1:], cycles[0]], strict=True) if len(cycles) > 1 else ()

@@ -6,7 +6,7 @@ import math
 import statistics
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,11 @@ from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.checkpoint import arrays, tensors, write_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import PpoConfig
+from kine2go_warp.learning.stopping import BUDGET, TARGETS, Evaluation, TargetWatch
 from kine2go_warp.learning.vec_env import BufferedVecEnv
 from kine2go_warp.training.annealing import anneal
 from kine2go_warp.training.divergence import DivergenceWatch
+from kine2go_warp.training.tracking import TrackingEvaluator
 
 KEPT_CHECKPOINTS = 2
 """While training: the newest, and the one before in case the newest is damaged."""
@@ -47,10 +49,13 @@ class TrainingProgress:
     """Control steps of all worlds in a second, learning included."""
     faults: int
     """Episodes that the simulation itself has failed so far: buffers that were too small, numbers not finite."""
+    evaluation: Evaluation | None = None
+    """The last one so far, if there is one."""
 
     def __str__(self) -> str:
         faults = f", {self.faults} faults of the simulation" if self.faults else ""
-        speed = f"{self.steps_per_second:,.0f} steps/s{faults}"
+        tracks = f"; evaluated at {self.evaluation.iteration}: {self.evaluation}" if self.evaluation else ""
+        speed = f"{self.steps_per_second:,.0f} steps/s{faults}{tracks}"
         if math.isnan(self.reward):
             return f"no episode has ended yet, {speed}"
         return f"reward {self.reward:.2f}, {self.episode_length:.0f} steps an episode, {speed}"
@@ -59,6 +64,10 @@ class TrainingProgress:
 ProgressCallback = Callable[[TrainingProgress], None]
 StopCallback = Callable[[], bool]
 IterationCallback = Callable[[TrainingProgress, dict[str, float]], None]
+
+
+class TargetsReached(Exception):  # noqa: N818 - no error
+    """Leaves RSL-RL's loop, which knows a number of iterations only."""
 
 
 class QuietLogger(Logger):
@@ -93,6 +102,11 @@ class QuietLogger(Logger):
                 faults=self.count_faults(),
             )
             self.on_iteration(progress, rest["loss_dict"])
+
+    def log_curves(self, curves: dict[str, float], iteration: int) -> None:
+        """Write further curves, of the iteration after so many."""
+        for name, value in curves.items():
+            self.writer.add_scalar(name, value, iteration - 1)  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
 
     def state(self) -> dict[str, Any]:
         """Return what is known of episodes: it is shown, and the watch for divergence looks at it."""
@@ -129,7 +143,8 @@ class ImitationRunner(OnPolicyRunner):
 
     A checkpoint holds, besides what RSL-RL puts there (networks with their normalisers, optimiser with its learning
     rate, iteration), under the key ``training`` all else that the next iteration depends on: every world, what it has
-    seen, the phases where robots fail, the random generators, and what the watch for divergence knows. On the CPU
+    seen, the phases where robots fail, the random generators, and what the watches for divergence and for the targets
+    know. ``policy_state_dict`` has the weights of the best policy, where those are not the last ones. On the CPU
     training from it gives the same bits as if it had not been interrupted, with any number of processes if phases are
     not weighted by failures, and with the same number if they are.
     """
@@ -138,6 +153,14 @@ class ImitationRunner(OnPolicyRunner):
     logger: QuietLogger
 
     def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
+        """Prepare; ``evaluate`` is added where a training is to stop early.
+
+        Args:
+            env: The environment that trains.
+            config: Settings of the learner.
+            folder: Policy folder.
+            seed: Seed of the settings.
+        """
         super().__init__(
             env, config.runner_settings(seed, env.config.privileged), log_dir=str(folder), device=str(env.device)
         )
@@ -146,6 +169,10 @@ class ImitationRunner(OnPolicyRunner):
         self.logger.count_faults = lambda: self._earlier_faults + env.fault_count()
         self.logger.on_iteration = self._after_iteration
         self.watch = DivergenceWatch()
+        self.evaluator: TrackingEvaluator | None = None
+        self.targets: TargetWatch | None = None
+        self.evaluation: Evaluation | None = None
+        """Of the policy that acts in the newest checkpoint, if it was evaluated."""
         self._earlier_faults = 0
         self._saved = ""
         self._on_progress: ProgressCallback | None = None
@@ -156,8 +183,11 @@ class ImitationRunner(OnPolicyRunner):
         iterations: int,
         on_progress: ProgressCallback | None = None,
         should_stop: StopCallback | None = None,
-    ) -> None:
-        """Train until ``iterations`` are done in total, counting those of a restored checkpoint.
+    ) -> str:
+        """Train until the targets are met or ``iterations`` are done, counting those of a restored checkpoint.
+
+        Returns:
+            Why it stopped.
 
         Raises:
             TrainingDiverged: the training has broken down; see ``DivergenceWatch``.
@@ -165,21 +195,45 @@ class ImitationRunner(OnPolicyRunner):
         """
         self._on_progress, self._should_stop = on_progress, should_stop or self._should_stop
         first = self.logger.first_iteration = self.current_learning_iteration
+        if self.targets is not None and self.targets.is_reached:
+            return TARGETS
         if iterations <= first:
-            return
+            return BUDGET
         anneal(self.alg, self.config, first)
         try:
             self.learn(iterations - first, init_at_random_ep_len=first == 0)
+        except TargetsReached:
+            return TARGETS
         finally:
             self.logger.close()
+        return BUDGET
+
+    def evaluate_with(self, evaluator: TrackingEvaluator, targets: TargetWatch) -> None:
+        """Evaluate the policy while it learns, and stop when the targets are met."""
+        self.evaluator, self.targets = evaluator, targets
+
+    def _evaluate(self, progress: TrainingProgress) -> TrainingProgress:
+        """Evaluate the policy if it is time to, and return the progress with the last evaluation."""
+        if self.evaluator is None or self.targets is None:
+            return progress
+        iteration, targets = progress.iteration, self.targets
+        if iteration % targets.config.interval == 0 or iteration == progress.total_iterations:
+            evaluation = self.evaluator.evaluate(self.alg.actor, iteration)
+            targets.look(evaluation, self.alg.actor)
+            self.logger.log_curves(evaluation.curves, iteration)
+        return replace(progress, evaluation=targets.final or targets.latest)
 
     def _after_iteration(self, progress: TrainingProgress, losses: dict[str, float]) -> None:
-        """Report, watch, and stop if told to."""
-        if self._on_progress is not None:
-            self._on_progress(progress)
+        """Watch, evaluate, report, and stop if told to or if the targets are met."""
         models = (self.alg.actor, self.alg.critic)
         self.watch.check(progress.iteration, losses, progress.reward, progress.episode_length, models)
+        progress = self._evaluate(progress)
+        if self._on_progress is not None:
+            self._on_progress(progress)
         anneal(self.alg, self.config, progress.iteration)
+        if self.targets is not None and self.targets.is_reached:
+            self.save(str(self.folder.checkpoint(self.current_learning_iteration)))
+            raise TargetsReached
         if progress.iteration < progress.total_iterations and self._should_stop():
             path = self.folder.checkpoint(self.current_learning_iteration)
             self.save(str(path))
@@ -191,7 +245,10 @@ class ImitationRunner(OnPolicyRunner):
             # RSL-RL saves the last iteration once more.
             return
         values = {**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}
+        if self.targets is not None:
+            values |= self.targets.policy_weights()
         write_checkpoint(Path(path), {**values, "training": self._training_state()})
+        self.evaluation = self.targets.kept if self.targets is not None else None
         self.folder.keep_newest(KEPT_CHECKPOINTS)
         self._saved = path
 
@@ -216,6 +273,7 @@ class ImitationRunner(OnPolicyRunner):
         if torch.device(self.device).type == "cuda":
             random["cuda"] = torch.cuda.get_rng_state(self.device)
         return {
+            **({"targets": self.targets.state()} if self.targets is not None else {}),
             "worlds": tensors(snapshot.worlds),
             "phases": tensors(snapshot.phases),
             "random": random,
@@ -229,6 +287,9 @@ class ImitationRunner(OnPolicyRunner):
         self.env.restore(EnvironmentSnapshot(arrays(state["worlds"]), arrays(state["phases"])))
         self.logger.restore(state["logger"])
         self.watch = DivergenceWatch(**state["watch"])
+        if self.targets is not None and "targets" in state:
+            self.targets.restore(state["targets"])
+            self.evaluation = self.targets.kept
         self._earlier_faults = state["faults"]
         torch.set_rng_state(state["random"]["cpu"])
         if "cuda" in state["random"] and torch.device(self.device).type == "cuda":

@@ -14,6 +14,7 @@ from kine2go_warp.errors import PolicyError, TrainingDiverged
 from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
+from kine2go_warp.learning.stopping import DIVERGED, TargetWatch
 from kine2go_warp.motions.clip import MotionClip, robot_of
 from kine2go_warp.robots import DEFAULT_ROBOT
 from kine2go_warp.settings import content_hash, to_dictionary
@@ -27,6 +28,8 @@ def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
     """Return a hash of everything that decides which policy training ends with, but for its length."""
     settings = to_dictionary(preset)
     del settings["preset"], settings["ppo"]["iterations"]
+    if preset.stopping.interval == 0:
+        del settings["stopping"]
     parts = [[clip.content_hash() for clip in clips], settings]
     if clips[0].robot != DEFAULT_ROBOT:
         # Policies of the Go2 may be older than the choice of a robot.
@@ -49,6 +52,9 @@ def train(
     observer: "TrainingObserver | None" = None,
 ) -> PolicyRecord:
     """Train a policy, or continue a training that was interrupted.
+
+    It ends when the policy meets the targets of ``preset.stopping``, at the latest after ``preset.ppo.iterations``.
+    Where it is evaluated, the policy that acts is the best one, not the last.
 
     What is continued goes on exactly: on the CPU, with torch using as many threads, it ends with the same bits as a
     training that was never interrupted, also if it was asked for fewer iterations at first. A damaged checkpoint is set
@@ -102,7 +108,7 @@ def train(
         known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0, robot=robot)
     remove_leftovers(folder)
     start = resume_point(policy, preset.ppo.iterations, on_note)
-    if known is not None and start is not None and known.iterations == start.iterations >= preset.ppo.iterations:
+    if known is not None and start is not None and record.complete and known.iterations == start.iterations:
         return known
     hashes = tuple(clip.content_hash() for clip in clips)
     record = replace(record, clips=policy.write_clips(tuple(clips)), clip_hashes=hashes)
@@ -113,6 +119,7 @@ def train(
             return task.run(record, start)
         except TrainingDiverged as error:
             if record.restarts:
+                policy.write_record(replace(policy.read_record(), stop_reason=DIVERGED))
                 raise TrainingDiverged(f"{folder}: training diverged, again after a restart: {error}") from None
             reason = str(error)
         # Outside the handler, which would keep the first attempt's worlds in memory.
@@ -215,16 +222,21 @@ class TrainingTask:
 
         from kine2go_warp.learning.vec_env import share_stream
         from kine2go_warp.training.runner import ImitationRunner
+        from kine2go_warp.training.tracking import TrackingEvaluator
         from kine2go_warp.training.watching import attach_observer
 
         policy, preset = self.policy, record.preset
         ppo = slower(preset.ppo) if record.restarts else preset.ppo
         share_stream(self.device)
         torch.manual_seed(preset.env.seed)
-        started, before = time.monotonic(), record.seconds
+        started, before, reason = time.monotonic(), record.seconds, ""
+        stopping = preset.stopping
         with contextlib.closing(self._environment(preset, start)) as env:
             with contextlib.redirect_stdout(io.StringIO()):
                 runner = ImitationRunner(env, ppo, policy.path, preset.env.seed)
+            if stopping.is_active(ppo.iterations):
+                evaluator = TrackingEvaluator(self.clips, preset.env, stopping, self.device)
+                runner.evaluate_with(evaluator, TargetWatch(stopping))
             if start is not None:
                 runner.restore(start.checkpoint)
             on_progress = self.on_progress
@@ -232,10 +244,11 @@ class TrainingTask:
                 done = runner.current_learning_iteration * ppo.num_steps_per_env
                 on_progress = attach_observer(env, self.observer, on_progress, done)
             try:
-                runner.train(ppo.iterations, on_progress, self.should_stop)
+                reason = runner.train(ppo.iterations, on_progress, self.should_stop)
             finally:
                 seconds = before + time.monotonic() - started
                 record = replace(record, iterations=policy.iterations_done(), seconds=seconds)
+                record = replace(record, stop_reason=reason, evaluation=runner.evaluation)
                 policy.write_record(record)
         policy.keep_newest(1)
         return record

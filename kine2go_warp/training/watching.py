@@ -135,6 +135,8 @@ class WorldSampler:
             "length/mean": progress.episode_length,
             "speed/steps_per_second": progress.steps_per_second,
         }
+        if progress.evaluation is not None and progress.evaluation.iteration == progress.iteration:
+            curves |= progress.evaluation.curves
         self.observer.on_iteration(self.step / self.environment.config.control_rate, progress.iteration, curves)
 
     def _packed_views(self) -> tuple[torch.Tensor, ...]:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
@@ -36,24 +37,16 @@ class RetargetStage:
             ClipError: the source file is not there.
         """
         del upstream
-        entry = job.entry
-        path = entry.path(job.data_folder)
-        if not entry.is_there(job.data_folder):
+        if not job.entry.is_there(job.data_folder):
+            path = job.entry.path(job.data_folder)
             raise ClipError(f"{path}: no such motion file; 'kine2go motion sources list' shows which are there")
-        origin = entry.origin(path, entry.frames.start, entry.frames.end, entry.rate)
         return {
             "version": 2,
-            "source": to_dictionary(origin),
+            **entry_inputs(job.entry, job.data_folder),
             "robot_model": job.robot.model_hash,
             **robot_inputs(job),
             "settings": to_dictionary(job.recipe.retarget),
             **({"accepted": True} if job.motion in job.recipe.accept else {}),
-            **({} if entry.dialect is None else {"dialect": to_dictionary(entry.dialect)}),
-            **({"scale": entry.scale} if entry.scale else {}),
-            **({"mode": entry.mode} if entry.mode else {}),
-            **({"mirrored": True} if entry.mirrored else {}),
-            **({"time_scale": entry.time_scale} if entry.time_scale else {}),
-            **({} if entry.kind == "cycle" else {"kind": entry.kind, "hold": entry.hold}),
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
@@ -89,6 +82,23 @@ class RetargetStage:
     def publish(self, job: Job, artefact: Artefact) -> None:
         """Link the clip."""
         job.workspace.publish(job.workspace.clip(job.motion), clip_file(job, artefact))
+
+
+def entry_inputs(entry: CatalogueEntry, data_folder: Path | None) -> dict[str, Any]:
+    """Return the source file of a motion and what the catalogue says of it, of a sequence those of its parts."""
+    if entry.members:
+        parts = [entry_inputs(member, data_folder) for member in entry.members]
+        return {"parts": to_dictionary(entry.parts), "members": parts, "hold": entry.hold}
+    origin = entry.origin(entry.path(data_folder), entry.frames.start, entry.frames.end, entry.rate)
+    return {
+        "source": to_dictionary(origin),
+        **({} if entry.dialect is None else {"dialect": to_dictionary(entry.dialect)}),
+        **({"scale": entry.scale} if entry.scale else {}),
+        **({"mode": entry.mode} if entry.mode else {}),
+        **({"mirrored": True} if entry.mirrored else {}),
+        **({"time_scale": entry.time_scale} if entry.time_scale else {}),
+        **({} if entry.kind == "cycle" else {"kind": entry.kind, "hold": entry.hold}),
+    }
 
 
 def clip_file(job: Job, artefact: Artefact) -> Path:

@@ -7,7 +7,7 @@ from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 
-HEADLINES = ("joint_rmse", "root_error", "foot_slip", "acceptance")
+HEADLINES = ("joint_rmse", "root_error", "foot_slip", "power", "acceptance")
 """Metrics that are shown of every motion."""
 
 

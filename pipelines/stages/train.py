@@ -42,6 +42,8 @@ class TrainStage:
 
         def report(progress: "TrainingProgress") -> None:
             metrics = {"reward": progress.reward, "episode_length": progress.episode_length}
+            if progress.evaluation is not None:
+                metrics |= progress.evaluation.curves
             monitor.advanced(progress.iteration, progress.total_iterations, str(progress), **metrics)
 
         record = train(
@@ -55,7 +57,9 @@ class TrainStage:
             should_stop=monitor.should_stop,
             on_note=monitor.note,
         )
-        metrics = {"iterations": record.iterations, "seconds": round(record.seconds, 1)}
+        metrics = {"iterations": record.iterations, "seconds": round(record.seconds, 1), "stopped": record.stop_reason}
+        if record.evaluation is not None:
+            metrics["evaluation"] = record.evaluation.described()
         return StageOutput(PolicyFolder(folder).checkpoint_hash(), metrics)
 
     def _begin_from_shorter(self, job: Job, upstream: Inputs, folder: Path) -> None:

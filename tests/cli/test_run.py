@@ -8,6 +8,8 @@ from rich.console import Console
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.cli.run_progress import LiveTable, duration, sentence
+from kine2go_warp.cli.status import MotionStatus, results_table
+from kine2go_warp.pipelines.artefacts import read_record
 from kine2go_warp.pipelines.events import Event
 from kine2go_warp.pipelines.stages import STAGES
 from kine2go_warp.pipelines.workspace import Workspace
@@ -49,6 +51,30 @@ def test_status_says_that_all_is_done(finished, capsys):
     shown = capsys.readouterr().out
     assert "everything is done" in shown
     assert all(stage.name in shown for stage in STAGES)
+
+
+def test_status_writes_the_results_as_a_table(finished, tmp_path):
+    path = tmp_path / "results.md"
+    assert main(["status", "demo", "--out", str(finished), "--markdown", str(path), *SETTINGS]) == 0
+    heading, _, row, total = path.read_text().splitlines()
+    cells = dict(zip(heading.strip("| ").split(" | "), row.strip("| ").split(" | "), strict=True))
+    assert (cells["motion"], cells["iterations"], cells["stopped because"]) == ("`dog_trot`", "2", "budget")
+    assert cells["accepted"].startswith("3 of ")
+    record = read_record(next((finished / "artefacts" / "train").glob("dog_trot-*")) / "artefact.json")
+    assert record.core_seconds > 0.0
+    assert all(float(cells[name]) > 0.0 for name in ("joint RMSE [rad]", "root error [cm]", "power [W]", "core [min]"))
+    assert total.startswith("| 1 of 1 motions done |")
+
+
+def test_the_results_say_why_rollouts_were_rejected_or_a_motion_failed():
+    metrics = {"accepted": 20, "rejected": 3, "reasons": {"foot_slip": 2, "distance": 1}, "stopped": "targets reached"}
+    good = MotionStatus("dog_trot", metrics=metrics, seconds=120.0, core_seconds=90.0)
+    failed = MotionStatus("ai4_dog_canter", next_stage="gather", failure="gather: all 80 rollouts were rejected")
+    *_, first, second, total = results_table([good, failed]).splitlines()
+    assert "| targets reached | 20 of 23 (rejected: foot slip 2, distance 1) |" in first
+    assert "| gather: all 80 rollouts were rejected |" in second
+    assert total.startswith("| 1 of 2 motions done |")
+    assert total.endswith("| 2.0 | 1.5 |")
 
 
 def test_status_says_what_a_changed_setting_would_cost_and_changes_nothing(finished, capsys):

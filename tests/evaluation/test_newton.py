@@ -21,19 +21,28 @@ def rollouts(policy: PolicyFolder):
         yield newton
 
 
-def test_phases_are_spread_over_the_cycle_and_headings_all_round():
+def test_phases_are_spread_over_the_cycle_and_headings_all_round(clip):
     config = EvalConfig(worlds=64)
-    np.testing.assert_allclose(np.diff(config.initial_phases()), 1.0 / 64.0, atol=1e-6)
-    assert config.initial_phases()[0] == pytest.approx(0.5 / 64.0)
+    np.testing.assert_allclose(np.diff(config.initial_phases(clip)), 1.0 / 64.0, atol=1e-6)
+    assert config.initial_phases(clip)[0] == pytest.approx(0.5 / 64.0)
     quarters = np.floor((config.initial_headings() + np.pi) / (0.5 * np.pi))
     np.testing.assert_allclose(np.bincount(quarters.astype(int)), 16, atol=1)
-    assert abs(np.corrcoef(config.initial_phases(), np.cos(config.initial_headings()))[0, 1]) < 0.1
+    assert abs(np.corrcoef(config.initial_phases(clip), np.cos(config.initial_headings()))[0, 1]) < 0.1
+
+
+def test_rollouts_of_a_clip_played_once_begin_at_its_first_frame_and_end_at_its_last(clip, once_clip):
+    config = EvalConfig(worlds=5)
+    assert not config.initial_phases(once_clip).any()
+    assert config.rows(60.0, once_clip) == once_clip.num_frames
+    assert config.rows(50.0, once_clip) == np.ceil((once_clip.num_frames - 1) * 50.0 / 60.0) + 1
+    assert config.rows(60.0, clip) == 1200
+    assert EvalConfig(seconds=0.5).rows(60.0, once_clip) == 30
 
 
 def test_every_rollout_begins_on_the_reference_at_its_phase_and_heading(rollouts, clip):
     recorded = rollouts.run(0)
     rows = recorded.rows(np.arange(8))
-    np.testing.assert_allclose(rows["phase"][:, 0], np.tile(SMALL.initial_phases(), 2), atol=1e-6)
+    np.testing.assert_allclose(rows["phase"][:, 0], np.tile(SMALL.initial_phases(clip), 2), atol=1e-6)
     for index, (phase, heading) in enumerate(zip(recorded.initial.phase, recorded.initial.heading, strict=True)):
         placed = PlacedClip(clip, 60.0)
         placed.place(float(phase), (0.0, 0.0), float(heading))
@@ -58,13 +67,13 @@ def test_the_same_rollouts_come_out_again(rollouts):
         np.testing.assert_array_equal(values, other[name], name)
 
 
-def test_later_episodes_are_drawn_as_ever(rollouts):
+def test_later_episodes_are_drawn_as_ever(rollouts, clip):
     environment = rollouts.environment
     rollouts.run(0)
     environment.episodes.done.fill_(1)
     with wp.ScopedDevice("cpu"):
         environment._reset_worlds()
-    assert not np.isin(environment.episodes.placement.start_phase.numpy(), SMALL.initial_phases()).any()
+    assert not np.isin(environment.episodes.placement.start_phase.numpy(), SMALL.initial_phases(clip)).any()
 
 
 def test_metrics_are_computed_from_the_rows_before_the_end(policy, clip):

@@ -26,6 +26,12 @@ def test_the_recipes_of_the_paper_hold_its_motions():
     assert set(load_recipe(Path("sample")).motions) == sample - {"ai4_dog_synth_half_flip_jump"}
 
 
+def test_the_catalogue_recipe_has_every_motion_whose_clips_can_be_had():
+    wanted = [name for name, entry in load_catalogue().items() if entry.collection != "solo8" and not entry.bundled]
+    assert list(load_recipe(Path("catalogue")).motions) == wanted
+    assert len(wanted) >= 34
+
+
 def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():
     motions = [load_catalogue()[name] for name in load_recipe(Path("smoke")).motions]
     collections = {entry.collection for entry in load_catalogue().values()} - {"solo8", "ai4animation_postures"}
@@ -38,6 +44,7 @@ def test_the_smoke_recipe_has_a_motion_of_every_source_whose_clips_can_be_had():
     [
         ("name = 'a'", "motions"),
         ("name = 'a'\nmotions = []", "line 2: 'motions' is empty"),
+        ("name = 'a'\nmotions = ['cat_*']", "line 2: 'motions' has 'cat_\\*', and the catalogue no motion of such a"),
         ("name = '../a'\nmotions = ['dog_trot']", "line 1: name '../a' is no name of a folder"),
         ("name = 'a'\nmotions = ['dog_trot']\nspeed = 3", "line 3: unknown key.*speed"),
         ("name = 'a'\nmotions = ['dog_trot']\n[train]\nitertions = 3", r"line 4, \[train\]: unknown key.*itertions"),
@@ -67,7 +74,7 @@ def test_a_level_of_diversity_may_have_single_values_replaced(tmp_path):
 
 
 def test_a_missing_recipe_lists_the_bundled_ones():
-    with pytest.raises(RecipeError, match="bundled ones are: demo, kine2go, sample, smoke"):
+    with pytest.raises(RecipeError, match="bundled ones are: catalogue, demo, kine2go, sample, smoke"):
         load_recipe(Path("nothing"))
 
 

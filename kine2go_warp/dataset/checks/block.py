@@ -41,6 +41,8 @@ class Settings:
     """Coefficient of friction between robot and floor."""
     is_flat: bool
     """Whether the ground is a plane."""
+    is_once: bool
+    """Whether the motion is played once, rather than a cycle."""
     ranges: Mapping[str, tuple[float, float]]
     """Least and greatest value, or factor, of each parameter that is drawn or not; empty if terms share one."""
     nominal: Mapping[str, float]
@@ -92,6 +94,7 @@ class Settings:
             torque_speed=nested(motion, "training_settings", "env", "motor", "torque_speed") is True,
             friction=number(motion, "training_settings", "env", "solver", "friction"),
             is_flat=nested(motion, "environment_settings", "terrain", "kind") == "flat",
+            is_once=nested(motion, "kind") == "once",
             ranges=drawn_ranges(motion, nominal := nominal_values(root, motion)),
             nominal=nominal,
             rewards=reward_settings(motion),

@@ -59,14 +59,14 @@ def sign_flips(name: str) -> Measure:
 
 
 def phase_outside(block: Block) -> Array:
-    """Return by how much a phase is outside [0, 1); 1 itself is outside."""
-    phase = block["phase"]
-    return np.maximum(-phase, phase - np.nextafter(1.0, 0.0))
+    """Return by how much a phase is outside its range; 1 itself is outside in a cycle."""
+    phase, largest = block["phase"], 1.0 if block.settings.is_once else np.nextafter(1.0, 0.0)
+    return np.maximum(-phase, phase - largest)
 
 
 def cycle_fraction(block: Block) -> Array:
-    """Return how far a cycle is from a whole number."""
-    return np.abs(block["cycle"] - np.round(block["cycle"]))
+    """Return how far a cycle is from a whole number, or from 0 in a motion played once."""
+    return np.abs(block["cycle"] - (0.0 if block.settings.is_once else np.round(block["cycle"])))
 
 
 def turns(block: Block) -> Array:
@@ -75,8 +75,13 @@ def turns(block: Block) -> Array:
 
 
 def paces(block: Block) -> Array:
-    """Return the cycles of the clip's own pace that pass in each row, shape [num_trajectories, num_rows - 1]."""
-    return np.diff(turns(block), axis=1) * block["time_scale"][:, None]
+    """Return the cycles of the clip's own pace that pass in each row, shape [num_trajectories, num_rows - 1].
+
+    NaN where a motion that is played once has reached its end, and stays there.
+    """
+    passed, places = np.diff(turns(block), axis=1), turns(block)[:, 1:]
+    ended = block.settings.is_once & (places >= 1.0)
+    return np.where(ended, np.nan, passed) * block["time_scale"][:, None]
 
 
 def advance(block: Block) -> Array:
@@ -108,6 +113,12 @@ def start_error(block: Block) -> Array | None:
     if rows is None:
         return None
     return np.abs(turns(block)[:, 0] - block["start_phase"] - rows * advance(block) / block["time_scale"])
+
+
+def start_outside(block: Block) -> Array:
+    """Return how far a start phase is outside [0, 1]; a motion that is played once may begin before its first frame."""
+    phase = block["start_phase"]
+    return np.maximum(phase - 1.0, 0.0 if block.settings.is_once else -phase)
 
 
 def outside(name: str, low: float, high: float) -> Measure:
@@ -184,11 +195,12 @@ CHECKS = (
         for name in QUATERNIONS
     ),
     RowCheck(
-        "phase range", "phase", ("phase",), "phases are in [0, 1)", "outside [0, 1)", phase_outside, 0.0, "cycles",
+        "phase range", "phase", ("phase",),
+        "phases are in [0, 1), up to 1 in a motion played once", "outside [0, 1)", phase_outside, 0.0, "cycles",
     ),
     RowCheck(
         "whole cycles", "cycle", ("cycle",),
-        "cycles are whole numbers", "off a whole number", cycle_fraction, 0.0, "cycles",
+        "cycles are whole numbers, 0 in a motion played once", "off a whole number", cycle_fraction, 0.0, "cycles",
     ),
     RowCheck(
         "forward phase", "phase", TURNS,
@@ -196,7 +208,8 @@ CHECKS = (
     ),
     RowCheck(
         "even phase", "phase", (*TURNS, "time_scale"),
-        "cycle + phase, times time_scale, grows by the same amount in every row of every trajectory",
+        "cycle + phase, times time_scale, grows by the same amount in every row of every trajectory, up to the "
+        "end of a motion played once",
         "the reference's pace is off", uneven_steps, 2e-5, "cycles",
     ),
     RowCheck(
@@ -206,8 +219,9 @@ CHECKS = (
     ),
     RowCheck(
         "draws", "start_phase", ("start_phase",),
-        "start_phase in [0, 1), heading in [-pi, pi], noise as in the settings", "outside [0, 1]",
-        outside("start_phase", 0.0, 1.0), 0.0,
+        "start_phase in [0, 1), or below 0 in a motion played once, heading in [-pi, pi], noise as in the settings",
+        "outside [0, 1]",
+        start_outside, 0.0,
     ),
     RowCheck(
         "draws", "heading", ("heading",), "", "outside [-pi, pi]",

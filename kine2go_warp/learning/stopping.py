@@ -1,0 +1,189 @@
+"""When a training ends: once the policy tracks, judged by evaluations of its mean action while it learns."""
+
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+
+from kine2go_warp.settings import check_ranges
+
+TARGETS, BUDGET, DIVERGED = "targets reached", "budget", "diverged"
+"""Why a training has stopped."""
+ERRORS = ("joint_rmse", "root_error", "foot_slip")
+"""Metrics of an evaluation that are no shares."""
+
+
+@dataclass(frozen=True)
+class StoppingConfig:
+    """Early stopping: training ends before ``ppo.iterations`` when the targets are met, and keeps the best policy.
+
+    The limits of the rollouts are the defaults of ``GatherConfig``: what its filter would reject does not track.
+    """
+
+    interval: int = 0
+    """Iterations between two evaluations; 0 evaluates nothing and always runs ``ppo.iterations``."""
+    consecutive: int = 2
+    """Evaluations in a row that must meet the targets."""
+    rollouts: int = 16
+    """Rollouts of an evaluation, at least two a clip: a quarter from the clip's first frame, the others from phases
+    spread over the cycle. Each target must be met by both groups, of every clip."""
+    seconds: float = 10.0
+    """Length of a rollout [s]."""
+    min_acceptance: float = 0.95
+    """Smallest share of rollouts that survive and pass the filter of gathering."""
+    max_joint_rmse: float = 0.03
+    """Largest mean of the rollouts' joint RMSE [rad]."""
+    max_root_error: float = 0.04
+    """Largest mean distance of the root from its reference [m]."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, interval=(0, 1e9), consecutive=(1, 1e6), rollouts=(2, 1e6), seconds=(0.1, 3600))
+        check_ranges(self, min_acceptance=(0, 1), max_joint_rmse=(1e-9, math.inf), max_root_error=(1e-9, math.inf))
+
+    def is_active(self, iterations: int) -> bool:
+        """Return whether a training of at most so many iterations is evaluated at all."""
+        return 0 < self.interval <= iterations
+
+
+@dataclass(frozen=True)
+class TrackingMetrics:
+    """Means over the rollouts of a clip; the worst of them where a policy tracks several clips."""
+
+    survival: float
+    """Share of rollouts that stay within the filter's distance and angle of the reference to their end."""
+    acceptance: float
+    """Share of rollouts that also pass the filter's other limits."""
+    joint_rmse: float
+    """[rad]"""
+    root_error: float
+    """[m]"""
+    foot_slip: float
+    """[m/s]"""
+
+    @classmethod
+    def worst(cls, clips: list["TrackingMetrics"]) -> "TrackingMetrics":
+        """Return the worst value of each metric."""
+        shares = (min(one.survival for one in clips), min(one.acceptance for one in clips))
+        errors = (max(getattr(one, name) for one in clips) for name in ERRORS)
+        return cls(*shares, *errors)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How well the mean action of a policy tracks."""
+
+    iteration: int
+    """Iterations that the policy had learned for."""
+    phases: TrackingMetrics
+    """Rollouts from phases spread over the cycle."""
+    first_frame: TrackingMetrics
+    """Rollouts from the first frame of the clip."""
+    rejected: str = ""
+    """Number of rollouts by the reason why the filter of gathering would reject them, in words."""
+
+    def __str__(self) -> str:
+        zero = self.first_frame
+        rejected = f" ({self.rejected})" if self.rejected else ""
+        return (
+            f"{100.0 * min(self.phases.acceptance, zero.acceptance):.0f} % accepted{rejected}, joint RMSE "
+            f"{self.phases.joint_rmse:.3f} rad, root {100.0 * self.phases.root_error:.1f} cm, from the first frame "
+            f"{zero.joint_rmse:.3f} rad, {100.0 * zero.root_error:.1f} cm"
+        )
+
+    @property
+    def curves(self) -> dict[str, float]:
+        """All metrics by ``group/name``."""
+        return {
+            f"{'evaluation' if name in ERRORS else 'evaluation_shares'}/{prefix}{name}": value
+            for prefix, one in (("", self.phases), ("first_frame_", self.first_frame))
+            for name, value in asdict(one).items()
+        }
+
+    def described(self) -> dict[str, Any]:
+        """Return it as JSON values, without metrics that are not finite."""
+        groups = {"phases": asdict(self.phases), "first_frame": asdict(self.first_frame)}
+        finite = {
+            group: {name: value for name, value in one.items() if math.isfinite(value)} for group, one in groups.items()
+        }
+        return {"iteration": self.iteration, "rejected": self.rejected, **finite}
+
+    def rank(self, config: StoppingConfig) -> tuple[float, float, float]:
+        """Return what a better policy has more of: acceptance, then survival, then nearness to the targets."""
+        both = (self.phases, self.first_frame)
+        ratios = [(one.joint_rmse / config.max_joint_rmse, one.root_error / config.max_root_error) for one in both]
+        nearness = -float(np.max(ratios))
+        survival, acceptance = (min(getattr(one, name) for one in both) for name in ("survival", "acceptance"))
+        return acceptance, survival, nearness if math.isfinite(nearness) else -math.inf
+
+    def meets(self, config: StoppingConfig) -> bool:
+        """Return whether it meets the targets."""
+        acceptance, _, nearness = self.rank(config)
+        return acceptance >= config.min_acceptance and nearness >= -1.0
+
+
+@dataclass
+class TargetWatch:
+    """Looks at each evaluation, remembers the best policy and says when to stop. A checkpoint holds its state."""
+
+    config: StoppingConfig
+    met: int = 0
+    """Evaluations in a row that met the targets."""
+    latest: Evaluation | None = None
+    best: Evaluation | None = None
+    best_weights: dict[str, torch.Tensor] = field(default_factory=dict)
+    """Those of the actor, on the CPU."""
+    final: Evaluation | None = None
+    """An evaluation at the end of the budget that is none of those at each interval; a longer training has none here,
+    so this one changes nothing else."""
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether to stop."""
+        return self.met >= self.config.consecutive
+
+    @property
+    def kept(self) -> Evaluation | None:
+        """The evaluation of the policy that acts."""
+        return self.final if self.keeps_final else self.best
+
+    @property
+    def keeps_final(self) -> bool:
+        """Whether the policy of the end acts, although it was evaluated between two intervals."""
+        best, final = self.best, self.final
+        return final is not None and (best is None or final.rank(self.config) >= best.rank(self.config))
+
+    def look(self, evaluation: Evaluation, actor: torch.nn.Module) -> None:
+        """Take in an evaluation of a policy."""
+        if evaluation.iteration % self.config.interval:
+            self.final = evaluation
+            return
+        self.latest = evaluation
+        self.met = self.met + 1 if evaluation.meets(self.config) else 0
+        if self.best is None or evaluation.rank(self.config) >= self.best.rank(self.config):
+            self.best = evaluation
+            self.best_weights = {name: value.detach().cpu().clone() for name, value in actor.state_dict().items()}
+
+    def state(self) -> dict[str, Any]:
+        """Return what training goes on from."""
+        known = {"latest": self.latest, "best": self.best}
+        found = {name: asdict(one) for name, one in known.items() if one is not None}
+        return {"met": self.met, **found, "best_weights": self.best_weights}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on where ``state`` was taken."""
+        self.met, self.best_weights = state["met"], state["best_weights"]
+        self.latest, self.best = (stored_evaluation(state.get(name)) for name in ("latest", "best"))
+
+    def policy_weights(self) -> dict[str, Any]:
+        """Return what a checkpoint says of the weights that act, nothing if they are those of the last iteration."""
+        return {} if self.best is None or self.keeps_final else {"policy_state_dict": self.best_weights}
+
+
+def stored_evaluation(values: dict[str, Any] | None) -> Evaluation | None:
+    """Return an evaluation that was stored with ``asdict``, none if there is none."""
+    if not values:
+        return None
+    groups = {name: TrackingMetrics(**values[name]) for name in ("phases", "first_frame")}
+    return Evaluation(values["iteration"], rejected=values["rejected"], **groups)
