@@ -64,6 +64,12 @@ class CatalogueEntry:
     """What a sequence consists of; it has no file of its own, and is played once."""
     members: tuple["CatalogueEntry", ...] = ()
     """The motions of these."""
+    mirrored: bool = False
+    """Whether left and right are exchanged."""
+
+    def twin(self) -> "CatalogueEntry":
+        """Return the mirror image of the motion, a motion of its own."""
+        return replace(self, name=twin_name(self.name), mirrored=True, sample=False)
 
     @property
     def motion_source(self) -> MotionSource:
@@ -143,10 +149,14 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
     Raises:
         CatalogueError: a catalogue is not there or damaged; the message names the line.
     """
-    if own is None:
-        return bundled_catalogue()
-    entries = bundled_catalogue() | parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
-    return {name: with_members(entry, entries, str(own)) for name, entry in entries.items()}
+    return bundled_catalogue() if own is None else bundled_catalogue() | own_catalogue(own)
+
+
+def own_catalogue(own: Path) -> dict[str, CatalogueEntry]:
+    """Return the entries of a user's own catalogue alone, by name; errors as of ``load_catalogue``."""
+    found = parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    known = bundled_catalogue() | found
+    return {name: with_members(entry, known, str(own)) for name, entry in found.items()}
 
 
 def with_members(
@@ -185,6 +195,7 @@ MOTION_FIELDS = {
     "description": str,
     "scale": float,
     "mode": str,
+    "mirror": bool,
     "kind": str,
     "hold": float,
     "time_scale": float,
@@ -197,7 +208,8 @@ All but those in ``OPTIONAL`` and a motion's own rate must be there.
 """
 SEQUENCE_FIELDS = {"name": str, "parts": list, "length": int, "description": str, "hold": float}
 """Of a sequence of motions."""
-OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold", "time_scale")
+OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
+OPTIONAL += ("time_scale", "mirror")
 BOUNDS = (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
 """Fields that are numbers, with the least and the greatest."""
 DEFAULT_LENGTH = 571
@@ -244,13 +256,11 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
         check_name(motion["name"], here, CatalogueError)
         if not is_loose and motion["collection"] not in collections:
             raise CatalogueError(f"{here}: there is no [collection.{motion['collection']}]")
-        if motion["name"] in entries:
-            raise CatalogueError(f"{here}: a second motion '{motion['name']}'")
         collection = {"folder": "", "rate": 0.0, **motion} if is_loose else collections[motion["collection"]]
         if is_loose and not collection["licence"].strip():
             raise CatalogueError(f"{here}: licence is empty; it goes with the data that are made of the motion")
         file = collection["folder"] + motion["file"]
-        entries[motion["name"]] = CatalogueEntry(
+        entry = CatalogueEntry(
             name=motion["name"],
             collection=motion.get("collection", ""),
             source=collection["source"],
@@ -272,7 +282,16 @@ def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[s
             hold=motion.get("hold"),
             time_scale=motion.get("time_scale"),
         )
+        for one in [entry, entry.twin()] if motion.get("mirror") else [entry]:
+            if one.name in entries:
+                raise CatalogueError(f"{here}: a second motion '{one.name}'")
+            entries[one.name] = one
     return entries
+
+
+def twin_name(name: str) -> str:
+    """Return the name of a motion's mirror image."""
+    return f"{name}_mirrored"
 
 
 def sequence_entry(motion: dict[str, Any], where: str) -> CatalogueEntry:

@@ -8,6 +8,11 @@ from kine2go_warp.settings import check_ranges
 Mode = Literal["contact", "plain"]
 TimeScale = float | Literal["froude"]
 
+CYCLE_TIMES = (0.35, 3.0)
+"""Shortest and longest cycle that is looked for [s]."""
+LEAST_WAY = 0.1
+"""Of the robot in such a cycle [m], to leave out standing still."""
+
 
 @dataclass(frozen=True)
 class RetargetConfig:

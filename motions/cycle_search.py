@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kine2go_warp.motions.config import CYCLE_TIMES
+from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.rotations import heading, to_rotation, turn_planar
 
@@ -13,6 +15,10 @@ Indices = NDArray[np.signedinteger]
 
 LARGEST_OVERLAP = 0.5
 """Two candidates that share more than this of the frames that either has are one."""
+MULTIPLE_SCORE = 2.0, 0.1
+"""A range is several turns of a shorter cycle if that one closes with a score of at most this many times its own, plus
+this; a turn may differ from the cycle's length by ``MULTIPLE_LENGTH``."""
+MULTIPLE_LENGTH = 0.12
 STEADY = 0.02
 """The base goes somewhere if it moves by this within the shortest cycle [m]; less is sway and jitter."""
 
@@ -61,14 +67,19 @@ def best_cycle(targets: Poses, start: int, end: int, reach_frames: int) -> tuple
 
     Ranges that reach to the last frame have no frame after them to compare with; their end may only move inwards.
     """
-    last = len(targets) - 1
+    return best_ends(pose_features(targets), start, end, reach_frames)
+
+
+def best_ends(features: Array, start: int, end: int, reach_frames: int) -> tuple[int, int]:
+    """Return the same from the features of the motion."""
+    last = len(features) - 1
     # A short cycle must not lose its stride to the search.
     reach = max(min(reach_frames, (end - start) // 6), 0)
     starts = np.arange(max(start - reach, 0), start + reach + 1)
     ends = np.arange(end - reach, min(end + reach, last) + 1)
     if len(ends) == 0 or reach == 0:
         return start, end
-    scores = seam_scores(pose_features(targets), starts, ends)
+    scores = seam_scores(features, starts, ends)
     best = np.unravel_index(int(np.argmin(scores)), scores.shape)
     return int(starts[best[0]]), int(ends[best[1]])
 
@@ -76,7 +87,7 @@ def best_cycle(targets: Poses, start: int, end: int, reach_frames: int) -> tuple
 def find_cycles(
     targets: Poses, min_frames: int, max_frames: int, count: int, travel: float = 0.0
 ) -> list[CycleCandidate]:
-    """Return the best ranges of a whole motion, best first.
+    """Return the best ranges of a whole motion, best first; several turns of one cycle are left out.
 
     Args:
         targets: The motion.
@@ -98,14 +109,41 @@ def find_cycles(
         # Only local minima: the neighbours of a good end are nearly as good and tell nothing new.
         padded = np.pad(scores, 1, constant_values=np.inf)
         minima = np.flatnonzero((scores <= padded[:-2]) & (scores <= padded[2:]))
+        minima = minima[single_turns(ends[minima] - start, scores[minima])]
         found += [CycleCandidate(int(start), int(ends[index]), float(scores[index])) for index in minima]
+    found.sort(key=lambda one: one.score)
+    starts, ends = np.array([(one.start, one.end) for one in found], dtype=int).reshape(-1, 2).T
+    is_free = np.ones(len(found), dtype=bool)
     chosen: list[CycleCandidate] = []
-    for candidate in sorted(found, key=lambda one: one.score):
-        if all(overlap(candidate, other) <= LARGEST_OVERLAP for other in chosen):
-            chosen.append(candidate)
-        if len(chosen) == count:
-            break
+    while is_free.any() and len(chosen) < count:
+        best = found[int(np.argmax(is_free))]
+        chosen.append(best)
+        is_free &= overlaps(best, starts, ends) <= LARGEST_OVERLAP
     return chosen
+
+
+def cycle_frames(rate: float, times: tuple[float, float] = CYCLE_TIMES) -> tuple[int, int]:
+    """Return the shortest and the longest cycle in frames.
+
+    Args:
+        rate: Frames per second [Hz].
+        times: The same [s].
+    """
+    return max(round(times[0] * rate), MINIMUM_FRAMES), round(times[1] * rate)
+
+
+def single_turns(lengths: Indices, scores: Array) -> NDArray[np.bool_]:
+    """Return which ranges that begin at one frame are not several turns of a shorter one.
+
+    Args:
+        lengths: In frames, shape [num_ranges].
+        scores: Of their seams, shape [num_ranges].
+    """
+    turns = lengths[:, None] / lengths
+    whole = np.round(turns)
+    factor, more = MULTIPLE_SCORE
+    is_several = (whole >= 2) & (np.abs(turns - whole) <= MULTIPLE_LENGTH * whole)
+    return ~np.any(is_several & (scores <= factor * scores[:, None] + more), axis=1)
 
 
 def way_gone(position: Array, frames: int) -> Array:
@@ -121,7 +159,7 @@ def way_gone(position: Array, frames: int) -> Array:
     return np.cumsum(np.where(moved >= STEADY, moved / np.maximum(after - before, 1), 0.0))
 
 
-def overlap(one: CycleCandidate, other: CycleCandidate) -> float:
-    """Return the share of the frames of both ranges that either has."""
-    shared = max(min(one.end, other.end) - max(one.start, other.start), 0)
-    return shared / (one.end - one.start + other.end - other.start - shared)
+def overlaps(one: CycleCandidate, starts: Indices, ends: Indices) -> Array:
+    """Return for each of many ranges the share of the frames of it and of one range that both have."""
+    shared = np.maximum(np.minimum(one.end, ends) - np.maximum(one.start, starts), 0)
+    return shared / (one.end - one.start + ends - starts - shared)

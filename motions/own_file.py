@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import CatalogueError, ClipError
 from kine2go_warp.motions.catalogue import DEFAULT_LENGTH, CatalogueEntry
 from kine2go_warp.motions.clip import Kind
-from kine2go_warp.motions.cycle_search import CycleCandidate, find_cycles
+from kine2go_warp.motions.config import LEAST_WAY
+from kine2go_warp.motions.cycle_search import CycleCandidate, cycle_frames, find_cycles
 from kine2go_warp.motions.examination import UNITS
 from kine2go_warp.motions.keypoints import KEYPOINTS, FrameRange, KeypointMotion
 from kine2go_warp.motions.proportions import measured_proportions
@@ -31,10 +32,6 @@ USUAL_HIP_HEIGHT = 0.5
 """Between a cat's and a horse's [m], to tell units by."""
 TRUNK_OF_GO2 = 0.3
 """A trunk of the size of the robot, before its proportions are measured [m]."""
-CYCLE_TIMES = (0.35, 3.0)
-"""Shortest and longest cycle that is looked for [s]."""
-LEAST_WAY = 0.1
-"""Of the robot in such a cycle [m]."""
 
 
 @dataclass(frozen=True)
@@ -158,25 +155,38 @@ class Introduction:
         if self.is_new and isinstance(self.source, PointSource):
             lines += ["", *source_table(self.source.name, self.source.dialect)]
         start, end = (0, -1) if self.cycle is None else (self.cycle.start, self.cycle.end)
-        lines += [
+        file = OwnFile(
+            Path(self.path.name),
             "",
-            "[[motion]]",
-            f"name = {json.dumps(name)}",
-            f"file = {json.dumps(self.path.name)}",
-            f"source = {json.dumps(self.source.name)}",
-            f"start = {start}",
-            f"end = {end}",
-            *(
-                ['kind = "once"  # nothing repeats itself in it; hold = 1.0 would hold its ends for 1 s']
-                if not self.cycle
-                else []
-            ),
-            'licence = ""  # as in "CC BY 4.0"; it goes with the data',
-            'citation = ""',
-        ]
-        if not self.source.tells_rate:
-            lines.append(f"rate = {self.motion.rate:g}")
+            name,
+            self.source.name,
+            FrameRange(start, end),
+            0.0 if self.source.tells_rate else self.motion.rate,
+            kind="cycle" if self.cycle else "once",
+        )
+        lines += ["", *motion_table(file)]
         return "\n".join(lines) + "\n"
+
+
+def motion_table(file: OwnFile, **more: object) -> list[str]:
+    """Return the lines of the [[motion]] of a file with a name and a source, with more keys where they are stated."""
+    once = {"kind": "once"} if file.kind == "once" else {}
+    values = {
+        "name": file.name,
+        "file": str(file.path),
+        "source": file.source,
+        "start": file.frames.start,
+        "end": file.frames.end,
+        **once,
+        "licence": file.licence,
+        "citation": file.citation,
+        **({"rate": file.rate} if file.rate else {}),
+        **more,
+    }
+    notes = {"kind": "  # played from hold to hold; hold = 1.0 would hold its ends for 1 s"}
+    if not file.licence:
+        notes["licence"] = '  # as in "CC BY 4.0"; it goes with the data'
+    return ["[[motion]]", *(f"{key} = {json.dumps(value)}{notes.get(key, '')}" for key, value in values.items())]
 
 
 def source_table(name: str, dialect: PointsDialect) -> list[str]:
@@ -216,8 +226,7 @@ def introduce(file: OwnFile, spec: RobotSpec, own: Path | None = None) -> Introd
     known = file.reader(own) if file.source or candidates(path, known_sources(own))[2] else None
     reader = known or guessed_source(path, file.rate)
     motion = reader.load(path, file.rate or None)
-    frames = tuple(round(time * motion.rate) for time in CYCLE_TIMES)
-    found = find_cycles(pose_targets(motion, reader, spec), max(frames[0], 3), frames[1], 1, LEAST_WAY)
+    found = find_cycles(pose_targets(motion, reader, spec), *cycle_frames(motion.rate), 1, LEAST_WAY)
     return Introduction(path, reader, motion, known is None, found[0] if found else None)
 
 

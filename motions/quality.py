@@ -134,7 +134,10 @@ def support_faults(clip: MotionClip) -> tuple[str, ...]:
 
 
 def distance_to_hull(points: Array) -> float:
-    """Return how far the origin is from the convex hull of points, shape [num_points, 2]."""
+    """Return how far the origin is from the convex hull of points, shape [num_points, 2]; infinite without points."""
+    if len(points) == 0:
+        # SciPy's nnls corrupts memory where there is nothing to choose from.
+        return float("inf")
     # Shares of the points that add up to one, by least squares with a heavy row for their sum.
     weight = 1e3
     rows = np.vstack([points.T, np.full(len(points), weight)])

@@ -34,6 +34,7 @@ from kine2go_warp.motions.sequence import Played, animal_of, joined
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, stand_feet, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
+from kine2go_warp.motions.variation import mirror_image
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
@@ -147,6 +148,8 @@ def retarget(
     score = seam_score(targets, start, end) if has_score else float("nan")
     heights = clip.foot_position[..., 2] - solver.spec.foot_radius
     remarks = motion.remarks + entry.file_remarks(origin.sha256) + reach_remarks(heights)
+    if entry.mirrored:
+        clip = mirror_image(clip).completed(solver.spec)
     return Retargeted(clip, float(steps.sum()), score, moved, remarks)
 
 

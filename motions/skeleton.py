@@ -1,14 +1,15 @@
 """The source's keypoints over a clip, to look at beside the robot."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.cycle import CycleStep, continued
-from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, KeypointMotion
+from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.quantities import MIRRORED_LEGS, MIRRORED_SIGNS
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
@@ -59,6 +60,15 @@ class Skeleton:
         before = np.floor(places).astype(int)
         share = (places - before)[:, None, None]
         return Skeleton(self.names, self.bones, (1.0 - share) * longer[before] + share * longer[before + 1])
+
+    def mirrored(self) -> "Skeleton":
+        """Return the mirror image: the points of left and right legs, told by their names, change places."""
+        images = [
+            f"{LEG_NAMES[MIRRORED_LEGS[LEG_NAMES.index(name[:2])]]}{name[2:]}" if name[:2] in LEG_NAMES else name
+            for name in self.names
+        ]
+        position = self.position[:, [self.names.index(name) for name in images]] * MIRRORED_SIGNS["vector"]
+        return replace(self, position=position)
 
     def as_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that a file keeps."""

@@ -71,5 +71,6 @@ def mirror_image(clip: MotionClip) -> MotionClip:
         root_orientation=clip.root_orientation * (1.0, *MIRRORED_SIGNS["rotation"]),
         joint_position=clip.joint_position[:, list(places)] * signs,
         stance=clip.stance[:, legs],
+        keypoints=None if clip.keypoints is None else clip.keypoints.mirrored(),
         cycle=None if clip.cycle is None else CycleStep(clip.cycle.x, -clip.cycle.y, -clip.cycle.yaw),
     )

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from kine2go_warp.errors import Kine2GoError, RecipeError
 from kine2go_warp.learning.presets import FAST, Preset, base_preset
-from kine2go_warp.motions.catalogue import load_catalogue
+from kine2go_warp.motions.catalogue import load_catalogue, twin_name
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 from kine2go_warp.rollouts.config import GatherConfig
@@ -107,7 +107,10 @@ def take_catalogue(values: dict[str, Any], path: Path) -> None:
     if "catalogue" in values:
         raise RecipeError(f"{path}: has [[motion]] and names a catalogue; put the motions into one of the two")
     values["catalogue"] = str(path.resolve())
-    names = [one.get("name") for one in own.get("motion", []) if isinstance(one, dict)]
+    names = []
+    for one in own.get("motion", []):
+        if isinstance(one, dict):
+            names += [one.get("name")] + ([twin_name(str(one.get("name")))] if one.get("mirror") else [])
     values.setdefault("motions", names)
 
 

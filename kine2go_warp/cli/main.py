@@ -22,6 +22,7 @@ COMMANDS = {
     "motion new": "new_motion_command:NewMotion",
     "motion retarget": "motion_commands:Retarget",
     "motion cycles": "motion_commands:Cycles",
+    "motion discover": "discover_command:Discover",
     "policy train": "train_command:Train",
     "policy eval": "eval_command:Eval",
     "policy sim2sim": "sim2sim_command:Sim2Sim",

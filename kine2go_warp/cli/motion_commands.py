@@ -12,7 +12,7 @@ import tyro
 from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder, rate_in_hz
 from kine2go_warp.cli.texts import printable, sentence
 from kine2go_warp.errors import CatalogueError, Kine2GoError
-from kine2go_warp.motions.config import RetargetConfig
+from kine2go_warp.motions.config import CYCLE_TIMES, LEAST_WAY, RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -41,14 +41,19 @@ class OwnFileOptions:
     """Whom to name for a file of your own."""
     once: bool = False
     """The motion in a file of your own is played once, between poses that are held, instead of being repeated."""
+    mirror: bool = False
+    """Also the mirror image of a file of your own, as NAME_mirrored."""
+
+    def entries(self, path: Path, own: Path | None) -> "list[CatalogueEntry]":
+        """Return the motion of a file, and its mirror image if that is asked for."""
+        entry = self.entry(path, own)
+        return [entry, entry.twin()] if self.mirror else [entry]
 
     def entry(self, path: Path, own: Path | None) -> "CatalogueEntry":
         """Return what a catalogue would say about a file."""
         from kine2go_warp.motions.own_file import OwnFile
 
-        licence = self.licence
-        if not licence and sys.stdin.isatty():
-            licence = ask(f"Under which licence may {path.name} be used? ")
+        licence = licence_for(path, self.licence)
         return OwnFile(
             path,
             licence,
@@ -59,6 +64,11 @@ class OwnFileOptions:
             self.citation,
             "once" if self.once else "cycle",
         ).entry(own)
+
+
+def licence_for(path: Path, given: str) -> str:
+    """Return the licence of a file: the one given, or what somebody at a terminal answers."""
+    return given or (ask(f"Under which licence may {path.name} be used? ") if sys.stdin.isatty() else "")
 
 
 def parsed_range(text: str) -> "FrameRange":
@@ -105,7 +115,7 @@ class Retarget:
     motions: MotionNames
     """Names of catalogue entries, such as dog_trot, or motion files of your own, such as ./walk.bvh."""
     all: bool = False
-    """Every motion of the catalogue whose file is there."""
+    """Every motion of --catalogue, or else of the package's catalogue, whose file is there."""
     robot: Robot = DEFAULT_ROBOT
     data: DataFolder = None
     catalogue: CatalogueFile = None
@@ -167,18 +177,20 @@ class Retarget:
         Raises:
             Kine2GoError: a motion or a file is not there, or an option is for one file but there are several.
         """
-        from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+        from kine2go_warp.motions.catalogue import load_catalogue, motion_named, own_catalogue
 
         known = load_catalogue(self.catalogue)
         files = [name for name in self.motions if is_file(name, known)]
         if len(files) != 1 and (self.own.frames or self.own.name):
             raise Kine2GoError("--frames and --name are for one file of your own")
+        if self.all and self.catalogue is not None:
+            return list(own_catalogue(self.catalogue).values())
         if self.all or not files:
             return chosen_entries(self.motions, self.all, self.catalogue)
-        entries = [
-            self.own.entry(Path(name), self.catalogue) if name in files else motion_named(name, self.catalogue)
-            for name in self.motions
-        ]
+        entries = []
+        for name in self.motions:
+            own = self.own.entries(Path(name), self.catalogue) if name in files else []
+            entries += own or [motion_named(name, self.catalogue)]
         names = [entry.name for entry in entries]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise Kine2GoError(f"two motions would be named '{twice}'; give one of them another --name")
@@ -200,11 +212,11 @@ class Cycles:
     catalogue: CatalogueFile = None
     rate: float | None = None
     """Frames per second of a file that cannot tell its own [Hz]; 60 by default."""
-    shortest: float = 0.35
+    shortest: float = CYCLE_TIMES[0]
     """Shortest cycle [s]."""
-    longest: float = 3.0
+    longest: float = CYCLE_TIMES[1]
     """Longest cycle [s]."""
-    travel: float = 0.1
+    travel: float = LEAST_WAY
     """Least way that the robot must go in a cycle [m], to leave out standing still."""
     count: int = 10
     """How many to list."""
@@ -214,7 +226,7 @@ class Cycles:
     def run(self) -> int:
         """Search and print a table."""
         from kine2go_warp.cli.tables import print_cycles
-        from kine2go_warp.motions.cycle_search import find_cycles
+        from kine2go_warp.motions.cycle_search import cycle_frames, find_cycles
         from kine2go_warp.motions.own_file import OwnFile
         from kine2go_warp.motions.targets import pose_targets
         from kine2go_warp.robots import robot_named
@@ -228,8 +240,8 @@ class Cycles:
         for remark in motion.remarks:
             print(printable(f"{self.file}: {remark}"), file=sys.stderr)
         targets = pose_targets(motion, source, robot_named(self.robot))
-        frames = round(self.shortest * motion.rate), round(self.longest * motion.rate)
-        found = find_cycles(targets, max(frames[0], 3), frames[1], self.count, self.travel)
+        frames = cycle_frames(motion.rate, (self.shortest, self.longest))
+        found = find_cycles(targets, *frames, self.count, self.travel)
         if not found:
             raise Kine2GoError(f"{self.file}: no range of {self.shortest} to {self.longest} s repeats itself")
         print_cycles(found, motion.rate, targets, self.file)

@@ -95,6 +95,7 @@ def entry_inputs(entry: CatalogueEntry, data_folder: Path | None) -> dict[str, A
         **({} if entry.dialect is None else {"dialect": to_dictionary(entry.dialect)}),
         **({"scale": entry.scale} if entry.scale else {}),
         **({"mode": entry.mode} if entry.mode else {}),
+        **({"mirrored": True} if entry.mirrored else {}),
         **({"time_scale": entry.time_scale} if entry.time_scale else {}),
         **({} if entry.kind == "cycle" else {"kind": entry.kind, "hold": entry.hold}),
     }

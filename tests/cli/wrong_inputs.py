@@ -103,6 +103,7 @@ def file_inputs(good: Good, folder: Path) -> Iterator[WrongInput]:
 
 FIRST = {
     "demo": [], "run": ["demo"], "status": ["demo"], "motion retarget": ["dog_trot"], "motion cycles": ["FILE"],
+    "motion discover": ["FILE", "--licence", "own"],
     "policy train": ["CLIP"], "policy eval": ["POLICY"], "policy sim2sim": ["POLICY"], "policy ablate": ["CLIP"],
     "dataset gather": ["POLICY"], "dataset review": ["DATASET", "--save"], "dataset replay": ["DATASET"],
     "dataset render": ["DATASET", "MOTION", "--out", "a.mp4"], "bench": ["retarget"],

@@ -3,7 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kine2go_warp.motions.cycle_search import best_cycle, find_cycles, overlap, pose_features, seam_scores
+from kine2go_warp.motions.cycle_search import (
+    best_cycle,
+    find_cycles,
+    overlaps,
+    pose_features,
+    seam_scores,
+    single_turns,
+)
 from kine2go_warp.motions.generator import DogGait
 from kine2go_warp.motions.sources import AI4Animation
 from kine2go_warp.motions.targets import pose_targets
@@ -53,9 +60,25 @@ def test_jitter_of_a_standing_animal_is_no_way(rng):
     assert found
     assert all(one.end > 240 for one in found)
     assert found[0].start >= 240
-    assert all(overlap(a, b) <= 0.5 for a in found for b in found if a is not b)
+    starts, ends = np.array([(one.start, one.end) for one in found]).T
+    assert all(np.sort(overlaps(one, starts, ends))[:-1].max() <= 0.5 for one in found)
 
 
 def test_a_range_to_the_last_frame_stays_within_the_file(targets):
     _, end = best_cycle(targets, 100, 200, 6)
     assert end <= 199
+
+
+def test_several_turns_of_a_cycle_are_left_out(targets):
+    def lengths(min_frames):
+        return {one.end - one.start for one in find_cycles(targets, min_frames, 180, 20) if one.score < 0.2}
+
+    assert lengths(20) == {32}
+    # Where single strides are too short to be looked for, two, three and five are no turns of one another.
+    assert lengths(40) == {64, 96, 160}
+
+
+def test_turns_of_a_cycle_that_closes_badly_are_kept():
+    lengths = np.array([30, 45, 61, 90])
+    np.testing.assert_array_equal(single_turns(lengths, np.array([0.2, 0.9, 0.1, 0.3])), [True, True, False, False])
+    np.testing.assert_array_equal(single_turns(lengths, np.array([0.9, 0.9, 0.1, 0.3])), [True, True, True, True])
