@@ -19,11 +19,12 @@ Array = NDArray[np.float64]
 RAMP = 0.08
 """Time over which the base gives way to a limit before and after it [s]."""
 
-
 GRAVITY = 9.81
 """[m/s^2]"""
 LEAD = 0.08
 """Time over which the slopes of a flight are led into the stances beside it [s]."""
+FLOOR_PASSES = 3
+"""How often the base is raised until no part of the body is below the floor."""
 
 
 def smooth_root(position: Array, orientation: Array, frames: float) -> tuple[Array, Array]:
@@ -190,3 +191,17 @@ def part_heights(spec: RobotSpec, position: Array, orientation: Array, joints: A
     head = heights(np.broadcast_to(spec.head_centre, (len(position), 1, 3))) - spec.head_radius
     front = np.concatenate([knees[:, :2], trunk[:, :2], head], axis=1)
     return front, np.concatenate([knees[:, 2:], trunk[:, 2:]], axis=1)
+
+
+def above_floor(poses: Poses, frame_duration: float, spec: RobotSpec) -> Poses:
+    """Return the poses with the base raised where trunk, head or knees would be below the floor."""
+    assert poses.feet is not None
+    for _ in range(FLOOR_PASSES):
+        position, orientation = poses.root_position, poses.root_orientation
+        lowest = lowest_body_point(spec, position, orientation, joints_for(spec, poses))
+        if lowest.min() >= 0.0:
+            break
+        position = position.copy()
+        position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, ramp_frames(frame_duration))
+        poses = replace(poses, root_position=position)
+    return poses

@@ -174,3 +174,11 @@ def _fade(distance: Array) -> Array:
     """Return 1 at distance 0, falling smoothly to 0 at distance 1 and beyond."""
     x = np.clip(1.0 - distance, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
+
+
+def cycle_between(poses: Poses, first: int, num_frames: int) -> CycleStep:
+    """Return the displacement from a frame to the one a cycle later, as seen from the former."""
+    ends = [first, first + num_frames]
+    yaw = heading(poses.root_orientation[ends])
+    offset = turn_planar(poses.root_position[ends[1]] - poses.root_position[ends[0]], -yaw[0])
+    return CycleStep(float(offset[0]), float(offset[1]), float(wrap_angle(yaw[1] - yaw[0])))

@@ -10,21 +10,18 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.body import (
     GRAVITY,
+    above_floor,
     fit_height,
     fly,
-    joints_for,
     leg_reach,
-    lowest_body_point,
-    ramp_frames,
     rolled,
     smooth_root,
-    smooth_shift,
 )
 from kine2go_warp.motions.body_contact import resting_ends, settle, side_by_side
 from kine2go_warp.motions.catalogue import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, Kind, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
-from kine2go_warp.motions.cycle import CycleStep, close_cycle, continued, extend
+from kine2go_warp.motions.cycle import CycleStep, close_cycle, continued, cycle_between, extend
 from kine2go_warp.motions.cycle_search import best_cycle, seam_score
 from kine2go_warp.motions.fidelity import measure
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
@@ -32,11 +29,10 @@ from kine2go_warp.motions.keypoints import KeypointMotion
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.motions.sequence import Played, animal_of, joined
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
-from kine2go_warp.motions.stance import detect_stance, hold_feet, intervals, stand_feet, without_short_runs
+from kine2go_warp.motions.stance import detect_stance, hold_feet, longest_stance, stand_feet, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
 from kine2go_warp.motions.variation import mirror_image
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -47,8 +43,6 @@ SOLVED_MARGIN = 0.25
 """How far beyond the cycle joints are solved for [s]."""
 RATE_TOLERANCE = 0.01
 """How far a file's rate may be from the catalogue's, relatively."""
-FLOOR_PASSES = 3
-"""How often the base is raised until no part of the body is below the floor."""
 CONTEXT = 1.0
 """How far beyond the range stances are looked for, so that none is cut [s]; a motion played once is held so long."""
 ROLLING_PASSES = 2
@@ -171,8 +165,7 @@ def join(
     digest = hashlib.sha256("".join(part.clip.content_hash() for part in parts).encode()).hexdigest()
     names = " + ".join(part.name for part in entry.parts)
     origin = ClipOrigin("sequence", names, digest, 0, len(track), 1.0 / step, entry.licence, entry.citation)
-    rests = np.zeros((len(track), 2), dtype=bool)
-    selected = SelectedRange(entry.name, "once", poses, track.stance > 0.5, rests, step, 1.0, origin)
+    selected = SelectedRange(entry.name, "once", poses, track.stance > 0.5, track.rests > 0.5, step, 1.0, origin)
     # The parts have their pace and their flights already.
     clip, moved = retarget_contacts(selected, solver, replace(config, time_scale=1.0))
     animal = animal_of(poses, spec, step)
@@ -298,12 +291,6 @@ def closed_at_ends(selected: SelectedRange, poses: Poses, config: RetargetConfig
     return close_cycle(poses, selected.num_frames, config.blend_time / selected.frame_duration)
 
 
-def longest_stance(stance: NDArray[np.bool_]) -> int:
-    """Return how long a foot stands at most, on and on over the seam [frames]; at most one cycle."""
-    runs = [run for foot in np.concatenate([stance, stance]).T for run in intervals(foot)]
-    return min(max((run.last - run.first + 1 for run in runs), default=0), len(stance))
-
-
 def clip_of(
     selected: SelectedRange,
     poses: Poses,
@@ -340,28 +327,6 @@ def stand(
         rolling = rolled(spec, replace(poses, feet=held + radius))
     held, kept, moved = hold_feet(poses.feet - radius, stance, rolling, reach, config)
     return replace(poses, feet=held + radius), kept, moved
-
-
-def above_floor(poses: Poses, frame_duration: float, spec: RobotSpec) -> Poses:
-    """Return the poses with the base raised where trunk, head or knees would be below the floor."""
-    assert poses.feet is not None
-    for _ in range(FLOOR_PASSES):
-        position, orientation = poses.root_position, poses.root_orientation
-        lowest = lowest_body_point(spec, position, orientation, joints_for(spec, poses))
-        if lowest.min() >= 0.0:
-            break
-        position = position.copy()
-        position[:, 2] += smooth_shift(np.maximum(-lowest, 0.0) * 1.05, ramp_frames(frame_duration))
-        poses = replace(poses, root_position=position)
-    return poses
-
-
-def cycle_between(poses: Poses, first: int, num_frames: int) -> CycleStep:
-    """Return the displacement from a frame to the one a cycle later, as seen from the former."""
-    ends = [first, first + num_frames]
-    yaw = heading(poses.root_orientation[ends])
-    offset = turn_planar(poses.root_position[ends[1]] - poses.root_position[ends[0]], -yaw[0])
-    return CycleStep(float(offset[0]), float(offset[1]), float(wrap_angle(yaw[1] - yaw[0])))
 
 
 def slowed_to_motors(clip: MotionClip, spec: RobotSpec) -> MotionClip:

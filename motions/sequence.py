@@ -61,6 +61,8 @@ class Track:
     """[rad], shape [num_frames, 12]."""
     stance: Array
     """1 where a foot stands, shape [num_frames, 4]."""
+    rests: Array
+    """1 where the front or the rear rests on the floor, shape [num_frames, 2]."""
 
     def __len__(self) -> int:
         return len(self.turn)
@@ -101,6 +103,7 @@ def track_of(clip: MotionClip, spec: RobotSpec, places: Array) -> Track:
         feet_h=feet[:-1],
         joints=joints[:-1],
         stance=clip.stance[near],
+        rests=clip.body_rests[near],
     )
 
 
@@ -117,7 +120,8 @@ def blended(one: Track, other: Track) -> Track:
     same = np.where(np.sum(one.tilt * other.tilt, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     tilt = mixed(one.tilt, same * other.tilt)
     values["tilt"] = tilt / np.linalg.norm(tilt, axis=1, keepdims=True)
-    values["stance"] = np.where(share[:, None] < 0.5, one.stance, other.stance)
+    for name in ("stance", "rests"):
+        values[name] = np.where(share[:, None] < 0.5, getattr(one, name), getattr(other, name))
     return Track(**values)
 
 

@@ -240,3 +240,9 @@ def _drop_short(mask: Mask, value: bool, shortest: float) -> None:
         touches_end = run.first == 0 or run.last == len(mask) - 1
         if not touches_end and run.last - run.first + 1 < shortest:
             mask[run.first : run.last + 1] = not value
+
+
+def longest_stance(stance: NDArray[np.bool_]) -> int:
+    """Return how long a foot stands at most, on and on over the seam [frames]; at most one cycle."""
+    runs = [run for foot in np.concatenate([stance, stance]).T for run in intervals(foot)]
+    return min(max((run.last - run.first + 1 for run in runs), default=0), len(stance))

@@ -1,5 +1,6 @@
 """Options: what help says of them, and one line for each that is wrong."""
 
+import shlex
 import subprocess
 
 import pytest
@@ -49,7 +50,7 @@ def test_help_has_an_example_that_can_be_read_and_no_default_that_says_nothing(c
     if command not in ("policy train", "dataset gather"):  # whose terms have empty parameters
         assert "(default: )" not in shown
     (example,) = [line.partition("Example: ")[2] for line in shown.splitlines() if "Example: " in line]
-    _, *words = example.split()
+    _, *words = shlex.split(example)
     name, rest = find_command(words)
     assert name == command
     assert isinstance(parse(name, rest), imported(command))
