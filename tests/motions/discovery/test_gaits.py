@@ -104,7 +104,7 @@ LOOKED_AT = [
     ("public/apex_csv/sidesteps_go1_STMR_resampled_50Hz.csv", "cycle", 181, 249, "strafe", "named so by its authors"),
     ("public/labrador_bvh/dog_jump_002.bvh", "once", 466, 625, "jump", "named so by its authors"),
 ]
-"""Twelve ranges. Thresholds were chosen on the dogs' files, and looked at again after the jump; the sidestep and all that
+"""Twelve ranges. Thresholds were chosen on the dogs' files, and looked at again after the jump; the sidestep and what
 NAMED lists were only read."""
 
 NAMED = {
