@@ -10,7 +10,7 @@ from pathlib import Path
 
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.files import sha256_of
-from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 
 CHUNK = 1 << 16
 TIMEOUT = 30.0

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import CatalogueError, ClipError
-from kine2go_warp.motions.catalogue import DEFAULT_LENGTH, CatalogueEntry
+from kine2go_warp.motions.catalogue import DEFAULT_LENGTH
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.clip import Kind
 from kine2go_warp.motions.config import LEAST_WAY
 from kine2go_warp.motions.cycle_search import CycleCandidate, cycle_frames, find_cycles

@@ -18,7 +18,7 @@ from kine2go_warp.motions.body import (
     smooth_root,
 )
 from kine2go_warp.motions.body_contact import resting_ends, settle, side_by_side
-from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.clip import ClipOrigin, Kind, MotionClip, assemble_clip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.cycle import CycleStep, close_cycle, continued, cycle_between, extend

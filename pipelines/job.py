@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp.files import atomic_file
-from kine2go_warp.motions.catalogue import CatalogueEntry, motion_named
+from kine2go_warp.motions.catalogue import motion_named
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.pipelines.recipe import Recipe
 from kine2go_warp.pipelines.workspace import MotionLog, Workspace
 from kine2go_warp.robots import RobotSpec, robot_named

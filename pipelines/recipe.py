@@ -11,7 +11,8 @@ from typing import Any, NoReturn
 
 from kine2go_warp.errors import Kine2GoError, RecipeError
 from kine2go_warp.learning.presets import FAST, Preset, base_preset
-from kine2go_warp.motions.catalogue import load_catalogue, twin_name
+from kine2go_warp.motions.catalogue import load_catalogue
+from kine2go_warp.motions.catalogue_entry import twin_name
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT, robot_named
 from kine2go_warp.rollouts.config import GatherConfig

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from kine2go_warp.bench.measurement import BenchReport, Measurement, timed
-from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.inverse_kinematics import InverseKinematics
 from kine2go_warp.motions.retarget import retarget

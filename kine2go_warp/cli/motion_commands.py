@@ -16,7 +16,7 @@ from kine2go_warp.motions.config import CYCLE_TIMES, LEAST_WAY, RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
-    from kine2go_warp.motions.catalogue import CatalogueEntry
+    from kine2go_warp.motions.catalogue_entry import CatalogueEntry
     from kine2go_warp.motions.keypoints import FrameRange
 
 Positional = tyro.conf.Positional

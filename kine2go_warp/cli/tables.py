@@ -17,7 +17,7 @@ from rich.text import Text
 from kine2go_warp.cli.texts import command_prefix, printable, sentence
 from kine2go_warp.device import driver_too_old, start_warp
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.poses import Poses
 from kine2go_warp.tables import Cell, Column, Table, make_table

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.catalogue import CatalogueEntry
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor

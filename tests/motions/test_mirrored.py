@@ -8,7 +8,8 @@ import pytest
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.errors import CatalogueError
-from kine2go_warp.motions.catalogue import CatalogueEntry, own_catalogue
+from kine2go_warp.motions.catalogue import own_catalogue
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.generator import DogGait, generate, write_ai4animation

@@ -8,7 +8,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.catalogue import CatalogueEntry, load_catalogue, motion_named
+from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.config import RetargetConfig
 from kine2go_warp.motions.fidelity import Fidelity
 from kine2go_warp.motions.generator import CROUCH, PACE, TROT, WALK, DogGait, generate, write_ai4animation

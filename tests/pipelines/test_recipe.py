@@ -12,7 +12,7 @@ def test_bundled_recipes_are_valid_and_found_by_name(path):
     recipe = load_recipe(Path(path.stem))
     assert recipe == load_recipe(path)
     assert recipe.name == path.stem
-    assert set(recipe.motions) <= set(load_catalogue())
+    assert set(recipe.motions) <= set(load_catalogue(path if recipe.catalogue else None))
 
 
 def test_the_recipes_of_the_paper_hold_its_motions():
@@ -75,7 +75,7 @@ def test_a_level_of_diversity_may_have_single_values_replaced(tmp_path):
 
 
 def test_a_missing_recipe_lists_the_bundled_ones():
-    with pytest.raises(RecipeError, match="bundled ones are: catalogue, demo, kine2go, sample, smoke"):
+    with pytest.raises(RecipeError, match="bundled ones are: catalogue, demo, kine2go, own, sample, smoke"):
         load_recipe(Path("nothing"))
 
 
