@@ -4,6 +4,9 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
+import kine2go_warp.kernels  # noqa: F401 - its settings of Warp come before Newton
+
+# isort: split
 import mujoco_warp
 import newton
 import numpy as np

@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import kine2go_warp.kernels  # noqa: F401 - its settings of Warp come before Newton
+
+# isort: split
 import mujoco_warp
 import newton
 import numpy as np
