@@ -2,6 +2,7 @@ import mujoco
 import newton
 import numpy as np
 import pytest
+import warp as wp
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.kernels.contacts import ROLE_BODY, ROLE_LEG
@@ -92,3 +93,7 @@ def test_the_solver_has_the_inertias_of_the_model(environment):
         np.testing.assert_allclose(
             np.sort(solver.body_inertia.numpy()[:, body], axis=1), [principal] * environment.num_worlds, rtol=1e-3
         )
+
+
+def test_newtons_kernels_are_compiled_without_adjoints():
+    assert wp.get_module("newton._src.sim.articulation").options["enable_backward"] is False
