@@ -96,7 +96,7 @@ class LiveTable(RunObserver):
                 f"{event.done}/{event.total}" if event.total else "",
                 f"{metrics['reward']:.2f}" if metrics.get("reward") is not None else "",
                 f"{metrics['accepted']:.0f}" if "accepted" in metrics else "",
-                duration(event.seconds_left),
+                time_left(event),
                 what_is_shown(event),
             )
         return table
@@ -112,6 +112,12 @@ def observer_for(as_json: bool) -> LiveTable | PlainLines:
     return PlainLines(lambda line: print(line, file=sys.stderr, flush=True))
 
 
+def time_left(event: Event) -> str:
+    """Return how long a stage still takes; a training may end before its last iteration."""
+    left = duration(event.seconds_left)
+    return f"at most {left}" if left and event.stage == "train" else left
+
+
 def what_is_shown(event: Event) -> str:
     """Return the details of a stage, or why there are none yet."""
     if event.kind == "stage_started" or not event.total:
@@ -125,7 +131,7 @@ def sentence(event: Event) -> str:
     rejected = ", ".join(f"{count} {reason}" for reason, count in event.metrics.get("reasons", {}).items())
     lines = {
         "stage_started": f"{where}: {event.detail}",
-        "progress": f"{where}: {event.done}/{event.total}  {event.detail}  {duration(event.seconds_left)}".rstrip(),
+        "progress": f"{where}: {event.done}/{event.total}  {event.detail}  {time_left(event)}".rstrip(),
         "stage_finished": f"{where}: done in {duration(event.seconds)}",
         "clip_assessed": f"{event.motion}: the clip is doubtful: {event.detail}",
         "worker_died": f"{where}: {event.detail}; trying again",
