@@ -109,24 +109,28 @@ class Evaluation:
         }
         return {"iteration": self.iteration, "rejected": self.rejected, **finite}
 
-    def ratios(self, config: StoppingConfig) -> list[float]:
-        """Return errors over their targets."""
-        return [
+    def excess(self, config: StoppingConfig) -> float:
+        """Return the largest error over its target, 1 where all are within theirs or at them."""
+        ratios = [
             ratio
             for one in (self.phases, self.first_frame)
             for ratio in (one.joint_rmse / config.max_joint_rmse, one.root_error / config.max_root_error)
         ]
+        return max(float(np.max(ratios)), 1.0) if np.isfinite(ratios).all() else math.inf
 
     def rank(self, config: StoppingConfig) -> tuple[float, float, float]:
-        """Return what a better policy has more of: acceptance, then survival, then smallness of errors in the mean."""
+        """Return what a better policy has more of: acceptance, then survival, then nearness to the targets.
+
+        Policies within the targets are equal in the last: of these a later one has less noise.
+        """
         both = (self.phases, self.first_frame)
-        nearness = -float(np.mean(self.ratios(config)))
         survival, acceptance = (min(getattr(one, name) for one in both) for name in ("survival", "acceptance"))
-        return acceptance, survival, nearness if math.isfinite(nearness) else -math.inf
+        return acceptance, survival, -self.excess(config)
 
     def meets(self, config: StoppingConfig) -> bool:
         """Return whether it meets the targets."""
-        return self.rank(config)[0] >= config.min_acceptance and all(ratio <= 1.0 for ratio in self.ratios(config))
+        acceptance, _, nearness = self.rank(config)
+        return acceptance >= config.min_acceptance and nearness >= -1.0
 
 
 @dataclass

@@ -67,6 +67,14 @@ def test_a_policy_whose_rollouts_the_filter_rejects_is_no_better_for_its_small_e
     assert watch.kept.iteration == 20
 
 
+def test_of_policies_within_all_targets_the_latest_is_kept():
+    watch = TargetWatch(CONFIG)
+    watch.look(evaluation(20, replace(GOOD, root_error=0.01)), model(1))
+    watch.look(evaluation(40, replace(GOOD, root_error=0.02)), model(2))
+    watch.look(evaluation(60, replace(GOOD, root_error=0.2)), model(3))
+    assert watch.kept.iteration == 40
+
+
 def test_weights_that_change_afterwards_do_not_change_those_that_are_kept():
     watch, actor = TargetWatch(CONFIG), model(1.0)
     watch.look(evaluation(20), actor)
