@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 
 from kine2go_warp.settings import check_ranges
+
+if TYPE_CHECKING:
+    import torch
 
 TARGETS, BUDGET, DIVERGED = "targets reached", "budget", "diverged"
 """Why a training has stopped."""
@@ -142,7 +144,7 @@ class TargetWatch:
     """Evaluations in a row that met the targets."""
     latest: Evaluation | None = None
     best: Evaluation | None = None
-    best_weights: dict[str, torch.Tensor] = field(default_factory=dict)
+    best_weights: "dict[str, torch.Tensor]" = field(default_factory=dict)
     """Those of the actor, on the CPU."""
     final: Evaluation | None = None
     """An evaluation at the end of the budget that is none of those at each interval; a longer training has none here,
@@ -164,7 +166,7 @@ class TargetWatch:
         best, final = self.best, self.final
         return final is not None and (best is None or final.rank(self.config) >= best.rank(self.config))
 
-    def look(self, evaluation: Evaluation, actor: torch.nn.Module) -> None:
+    def look(self, evaluation: Evaluation, actor: "torch.nn.Module") -> None:
         """Take in an evaluation of a policy."""
         if evaluation.iteration % self.config.interval:
             self.final = evaluation
