@@ -10,7 +10,7 @@ from kine2go_warp.errors import CatalogueError
 from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.clip import Kind
 from kine2go_warp.motions.config import Mode
-from kine2go_warp.motions.keypoints import FrameRange
+from kine2go_warp.motions.keypoints import RATES, FrameRange
 from kine2go_warp.motions.parts import parse_parts
 from kine2go_warp.motions.sources import SOURCES
 from kine2go_warp.motions.sources.dialects import parse_dialects
@@ -100,7 +100,7 @@ SEQUENCE_FIELDS = {"name": str, "parts": list, "length": int, "description": str
 """Of a sequence of motions."""
 OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
 OPTIONAL += ("time_scale", "mirror")
-BOUNDS = (("rate", 1.0, 1000.0), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
+BOUNDS = (("rate", *RATES), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
 """Fields that are numbers, with the least and the greatest."""
 DEFAULT_LENGTH = 571
 """Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""

@@ -24,6 +24,8 @@ BONES = tuple(
 )
 """Which points to join by lines when they are drawn, by their places in ``KEYPOINTS``."""
 
+RATES = (1.0, 1000.0)
+"""Lowest and highest frame rate of a motion [Hz]."""
 MINIMUM_FRAMES = 3
 """Central differences and a cycle need at least this many frames."""
 

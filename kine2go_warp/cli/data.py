@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from kine2go_warp.errors import CatalogueError, Kine2GoError
+from kine2go_warp.motions.keypoints import RATES
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.motion import Motion
@@ -62,6 +63,6 @@ def rate_in_hz(given: float | None) -> float:
     Raises:
         Kine2GoError: no motion has such a rate.
     """
-    if given is not None and not 1.0 <= given <= 1000.0:
-        raise Kine2GoError(f"--rate {given:g}: choose 1 to 1000 Hz")
+    if given is not None and not RATES[0] <= given <= RATES[1]:
+        raise Kine2GoError(f"--rate {given:g}: choose {RATES[0]:g} to {RATES[1]:g} Hz")
     return given or 0.0

@@ -67,7 +67,7 @@ class OwnFileOptions:
 
 
 def licence_for(path: Path, given: str) -> str:
-    """Return the licence of a file: the one given, or what somebody at a terminal answers."""
+    """Return the licence of a file: the one given, else the answer at the terminal, empty where there is none."""
     return given or (ask(f"Under which licence may {path.name} be used? ") if sys.stdin.isatty() else "")
 
 

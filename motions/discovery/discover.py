@@ -89,20 +89,18 @@ def discover(
     for file in files:
         if len([one for one in files if one.path.resolve() == file.path.resolve()]) > 1:
             raise ClipError(f"{file.path} is named twice")
-    recordings, found, entries = [], [], {}
+    recordings, found = [], []
     for index, file in enumerate(files):
         advanced(index, len(files), f"reading {file.path.name}")
         entry = file.entry(own)
         recording = read_recording(file, solver.spec, own)
         recordings.append(recording)
-        for one in cuts(recording):
-            found.append(one)
-            entries[id(one)] = entry
+        found += [(one, entry) for one in cuts(recording)]
     kept: list[Discovered] = []
     shapes: list[Array] = []
     refused: list[tuple[str, str]] = []
     duplicates = 0
-    for index, one in enumerate(sorted(found, key=lambda one: one.seam)):
+    for index, (one, file_entry) in enumerate(sorted(found, key=lambda pair: pair[0].seam)):
         advanced(index, len(found), f"{len(kept)} motions")
         form = shape(one)
         if any(is_near(one, other.cut, (form, known)) for other, known in zip(kept, shapes, strict=True)):
@@ -111,9 +109,7 @@ def discover(
         quality = None
         if is_checked:
             frames = FrameRange(one.start, one.end)
-            entry = replace(
-                entries[id(one)], name=one.name, frames=frames, kind=one.clip_kind, time_scale=one.time_scale
-            )
+            entry = replace(file_entry, name=one.name, frames=frames, kind=one.clip_kind, time_scale=one.time_scale)
             try:
                 quality = assess(retarget(entry, None, solver, RetargetConfig()), solver.spec)
                 problem = "; ".join(clip_faults(quality))

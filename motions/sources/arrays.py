@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.motions.keypoints import MINIMUM_FRAMES, RATES
 from kine2go_warp.motions.sources.tables import read_bytes
 
 UNEVEN = 0.2
 """Time stamps may be off an even grid by this share of a frame: they are often rounded."""
-RATES = (1.0, 1000.0)
-"""Lowest and highest frame rate that a motion can have [Hz]."""
 
 
 def read_npz(path: Path) -> dict[str, NDArray[Any]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.motions.keypoints import MINIMUM_FRAMES, RATES
 from kine2go_warp.motions.sources.tables import read_text
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def read_bvh(path: Path) -> Bvh:
     duration = _header(path, lines, start + 2, "Frame Time:")
     if not MINIMUM_FRAMES <= frames <= 1e7 or frames != int(frames):
         raise ClipError(f"{path}, line {start + 2}: {frames:g} frames; a motion needs at least {MINIMUM_FRAMES}")
-    if not 1e-3 <= duration <= 1.0:
+    if not 1.0 / RATES[1] <= duration <= 1.0 / RATES[0]:
         raise ClipError(f"{path}, line {start + 3}: a frame time of {duration:g} s; 0.001 to 1 s can be used")
     width = sum(len(joint.channels) for joint in joints)
     values = _numbers(path, [line for line in lines[start + 3 :] if line.strip()], int(frames), width, start + 4)

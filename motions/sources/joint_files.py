@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.motions.keypoints import MINIMUM_FRAMES, RATES
 from kine2go_warp.motions.sources.arrays import checked_rate, rate_of, read_npz
 from kine2go_warp.motions.sources.tables import is_number, parse_numbers, read_bytes, read_lines, read_text
 
@@ -70,7 +70,7 @@ def read_frames(path: Path) -> Rows:
     if not isinstance(content, dict) or "Frames" not in content:
         raise ClipError(f"{path}: JSON without 'Frames'")
     duration = content.get("FrameDuration")
-    if not isinstance(duration, int | float) or not 1e-3 <= duration <= 1.0:
+    if not isinstance(duration, int | float) or not 1.0 / RATES[1] <= duration <= 1.0 / RATES[0]:
         raise ClipError(f"{path}: FrameDuration is {duration!r:.40}; 0.001 to 1 s can be used")
     legs = content.get("LegOrder", [])
     return Rows(_matrix(content["Frames"], path), rate=1.0 / duration, legs=tuple(map(str, legs)))

@@ -29,32 +29,32 @@ def test_it_has_a_motion_of_each_kind():
     assert load_recipe(Path("own")).motions == tuple(KINDS)
 
 
-@pytest.fixture(scope="module", params=KINDS)
-def made(request, solver):
-    return retarget(load_catalogue(RECIPE)[request.param], None, solver, RetargetConfig())
+@pytest.fixture(scope="module")
+def results(solver):
+    entries = load_catalogue(RECIPE)
+    return {name: retarget(entries[name], None, solver, RetargetConfig()) for name in KINDS}
 
 
-def test_its_clips_are_without_faults(made):
+@pytest.mark.parametrize("name", KINDS)
+def test_its_clips_are_without_faults(results, name):
+    made = results[name]
     assert clip_faults(assess(made, GO2)) == []
     assert made.clip.kind == KINDS[made.clip.name]
     assert min(apart.min() for apart in distances(made.clip).values()) > -1e-3
 
 
-def test_who_sits_alone_sits_within_a_sequence(solver):
-    entries = load_catalogue(RECIPE)
-    alone, together = (
-        retarget(entries[name], None, solver, RetargetConfig()).clip for name in ("sit_and_stand", "outing")
-    )
-    for clip in (alone, together):
+def test_who_sits_alone_sits_within_a_sequence(results):
+    for clip in (results["sit_and_stand"].clip, results["outing"].clip):
         seconds = clip.frame_duration * clip.body_rests.sum(axis=0)
         assert seconds[0] == 0.0
         assert seconds[1] > 0.5
-        knees = np.stack([distances(clip)[f"{leg}_thigh_capsule"] for leg in ("RL", "RR")], axis=1)
+        apart = distances(clip)
+        knees = np.stack([apart[f"{leg}_thigh_capsule"] for leg in ("RL", "RR")], axis=1)
         assert np.median(knees[clip.body_rests[:, 1] > 0.5]) < 6e-3
 
 
-def test_a_leap_falls_freely(solver):
-    clip = retarget(load_catalogue(RECIPE)["leap"], None, solver, RetargetConfig()).clip
+def test_a_leap_falls_freely(results):
+    clip = results["leap"].clip
     flying = np.flatnonzero(clip.stance.sum(axis=1) == 0)[2:-2]
     assert len(flying) * clip.frame_duration > 0.1
     up = np.diff(clip.root_position[:, 2], 2)[flying - 1] / clip.frame_duration**2
