@@ -193,7 +193,9 @@ def wrong_recipes(folder: Path) -> Iterator[tuple[str, Path]]:
     yield "no text", folder / "binary.toml"
 
 
-GOOD_MOTION: dict[str, object] = {"name": "one", "file": "dog.txt", "source": "ai4animation", "licence": "own", "citation": ""}
+GOOD_MOTION: dict[str, object] = {
+    "name": "one", "file": "dog.txt", "source": "ai4animation", "licence": "own", "citation": "",
+}  # fmt: skip
 """A motion of one's own, as a catalogue has it."""
 
 MOTIONS: dict[str, dict[str, object]] = {
