@@ -24,6 +24,12 @@ FORMATS = {
     "motivo": "hdf5:MOTIVO",
     "parquet": "parquet:PARQUET",
     "npz": "npz:NPZ",
+    "mjlab": "motions:MJLAB",
+    "mimickit": "motions:MIMICKIT",
+    "amp": "motions:AMP",
+    "humanoidverse": "motions:HUMANOIDVERSE",
+    "protomotions": "motions:PROTOMOTIONS",
+    "unitree": "motions:UNITREE",
 }
 """Where the description of each format is."""
 

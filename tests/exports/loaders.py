@@ -199,8 +199,8 @@ def check_robomimic(export: Path, store: Path) -> int:
             count = len(rows["action"]) - 1
             items = [data[first + step] for step in range(count)]
             compare.equal(np.concatenate([item["actions"] for item in items]), rows["action"][:-1])
-            compare.equal([float(item["rewards"]) for item in items], rows["sum"][:-1], DERIVED)
-            assert [float(item["dones"]) for item in items] == [0.0] * (count - 1) + [1.0]
+            compare.equal([float(np.ravel(item["rewards"])[0]) for item in items], rows["sum"][:-1], DERIVED)
+            assert [float(np.ravel(item["dones"])[0]) for item in items] == [0.0] * (count - 1) + [1.0]
             for key, name in zip(keys, ("state", "goal"), strict=True):
                 compare.equal(np.concatenate([item["obs"][key] for item in items]), rows[name][:-1], DERIVED)
                 compare.equal(np.concatenate([item["next_obs"][key] for item in items]), rows[name][1:], DERIVED)
@@ -270,6 +270,135 @@ def check_parquet(export: Path, store: Path) -> int:
     return compare.numbers
 
 
+def motion_files(export: Path, store: Path) -> Iterator[tuple[Path, Rows]]:
+    """Every file of an export for trackers, and the rows that should be in it."""
+    for motion in motions_of(export):
+        for index, rows in enumerate(trajectories(store, motion)):
+            (path,) = (export / motion).glob(f"trajectory-{index:04d}.*")
+            yield path, rows
+
+
+def bodies(rows: Rows, name: str) -> np.ndarray:
+    """An array of base and of the twelve links that joints move."""
+    return np.concatenate([rows[f"root_{name}"][:, None], rows[f"link_{name}"][:, :12]], axis=1)
+
+
+XYZW = [1, 2, 3, 0]
+
+
+def check_mjlab(export: Path, store: Path) -> int:
+    import torch
+    from mjlab.tasks.tracking.mdp.commands import MotionLoader
+
+    compare = Comparison()
+    for path, rows in motion_files(export, store):
+        motion = MotionLoader(str(path), torch.arange(13))
+        assert list(np.load(path)["body_names"])[:5] == ["base", "FL_hip", "FL_thigh", "FL_calf", "FR_hip"]
+        assert float(np.load(path)["fps"][0]) == 60.0
+        compare.equal(motion.joint_pos, rows["joint_position"])
+        compare.equal(motion.joint_vel, rows["joint_velocity"])
+        for found, name in (
+            (motion.body_pos_w, "position"), (motion.body_quat_w, "orientation"),
+            (motion.body_lin_vel_w, "linear_velocity"), (motion.body_ang_vel_w, "angular_velocity"),
+        ):  # fmt: skip
+            compare.equal(found, bodies(rows, name))
+    return compare.numbers
+
+
+def check_mimickit(export: Path, store: Path) -> int:
+    sys.path.insert(0, str(Path(os.environ[CLONES]) / "MimicKit" / "mimickit"))
+    import anim.motion_lib
+    import torch
+    from anim.mjcf_char_model import MJCFCharModel
+
+    compare = Comparison()
+    for motion in motions_of(export):
+        model = export / f"{motion}.xml"
+        model.write_text(str(zarr.open_group(store, mode="r", use_consolidated=False)[motion].attrs["robot_xml"]))
+        robot = MJCFCharModel("cpu")
+        robot.load(str(model))
+        listed = export / f"{motion}.yaml"
+        paths = [path for path, _ in motion_files(export, store) if path.parent.name == motion]
+        listed.write_text("motions:\n" + "".join(f'  - file: "{path}"\n    weight: 1.0\n' for path in paths))
+        library = anim.motion_lib.MotionLib(str(listed), robot, "cpu")
+        for number, rows in enumerate(trajectories(store, motion)):
+            times = torch.arange(len(rows["action"]), dtype=torch.float32) / 60.0
+            found = library.calc_motion_frame(torch.full((len(times),), number), times)
+            place, turn, _, _, joint_turn, _ = found
+            compare.equal(place, rows["root_position"], 1e-4)
+            sign = np.sign(np.sum(turn.numpy() * rows["root_orientation"][:, XYZW], axis=1, keepdims=True))
+            compare.equal(turn.numpy() * sign, rows["root_orientation"][:, XYZW], 1e-4)
+            compare.equal(library.joint_rot_to_dof(joint_turn), rows["joint_position"], 1e-4)
+    return compare.numbers
+
+
+def check_protomotions(export: Path, store: Path) -> int:
+    sys.path.insert(0, str(Path(os.environ[CLONES]) / "ProtoMotions"))
+    from protomotions.components.motion_lib import MotionLib, MotionLibConfig
+
+    compare = Comparison()
+    for path, rows in motion_files(export, store):
+        library = MotionLib(MotionLibConfig(motion_file=str(path)), device="cpu")
+        compare.equal(library.gts, bodies(rows, "position"))
+        compare.equal(library.grs, bodies(rows, "orientation")[..., XYZW])
+        compare.equal(library.gvs, bodies(rows, "linear_velocity"))
+        compare.equal(library.gavs, bodies(rows, "angular_velocity"))
+        compare.equal(library.dps, rows["joint_position"])
+        compare.equal(library.dvs, rows["joint_velocity"])
+        assert abs(float(library.motion_dt[0]) - 1.0 / 60.0) < 1e-6
+    return compare.numbers
+
+
+def check_humanoidverse(export: Path, store: Path) -> int:
+    import joblib
+
+    compare = Comparison()
+    for path, rows in motion_files(export, store):
+        ((name, motion),) = joblib.load(path).items()
+        assert name == path.stem
+        compare.equal(motion["root_trans_offset"], rows["root_position"])
+        compare.equal(motion["root_rot"], rows["root_orientation"][:, XYZW])
+        compare.equal(motion["dof"], rows["joint_position"])
+        compare.equal(motion["pose_aa"][:, 0], rotation_vectors(matrices(rows["root_orientation"])), DERIVED)
+        compare.equal(motion["pose_aa"][:, 1:].sum(axis=2), rows["joint_position"])
+    return compare.numbers
+
+
+def check_amp(export: Path, store: Path) -> int:
+    """There is no loader in a package registry: the columns are read with json."""
+    order = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    compare = Comparison()
+    for path, rows in motion_files(export, store):
+        frames = np.array(json.loads(path.read_text())["Frames"])
+        assert frames.shape[1] == 61
+        base = matrices(rows["root_orientation"])
+        feet = rows["link_position"][:, 12:].astype(float) - rows["root_position"][:, None]
+        feet = np.einsum("tji,tfj->tfi", base, feet)[:, [1, 0, 3, 2]]
+        compare.equal(frames[:, 0:3], rows["root_position"])
+        compare.equal(frames[:, 3:7], rows["root_orientation"][:, XYZW])
+        compare.equal(frames[:, 7:19], rows["joint_position"][:, order])
+        compare.equal(frames[:, 19:31], feet.reshape(len(feet), -1), DERIVED)
+        compare.equal(frames[:, 31:37], rows["state"][:, 4:10], DERIVED)
+        compare.equal(frames[:, 37:49], rows["joint_velocity"][:, order])
+        moved = np.gradient(feet, axis=0).reshape(len(feet), -1) * 60.0
+        assert np.median(np.abs(frames[:, 49:61] - moved)) < 0.02
+    return compare.numbers
+
+
+def check_unitree(export: Path, store: Path) -> int:
+    import pandas
+
+    compare = Comparison()
+    for path, rows in motion_files(export, store):
+        table = pandas.read_csv(path)
+        compare.equal(table[["x", "y", "z"]], rows["root_position"], 1e-7)
+        compare.equal(table[["qw", "qx", "qy", "qz"]], rows["root_orientation"], 1e-7)
+        assert list(table.columns[8:11]) == ["FR_hip_joint", "FR_thigh_joint", "FR_calf_joint"]
+        group = zarr.open_group(store, mode="r", use_consolidated=False)[path.parent.name]
+        compare.equal(table[list(group.attrs["joint_names"])], rows["joint_position"], 1e-6)
+    return compare.numbers
+
+
 @dataclass(frozen=True)
 class Loader:
     """The loader of a target."""
@@ -309,6 +438,12 @@ LOADERS = {
     "motivo": Loader(check_motivo, "", HUMENV_NEEDS, clone="humenv"),
     "bfm_zero": Loader(check_bfm_zero, "", (*HUMENV_NEEDS, "tensordict"), clone="BFM-Zero", form="motivo"),
     "parquet": Loader(check_parquet, "datasets", ("datasets",)),
+    "mjlab": Loader(check_mjlab, "mjlab", ("mjlab",)),
+    "mimickit": Loader(check_mimickit, "", ("torch", "pyyaml", "wandb", "gymnasium", "tensorboardX"), clone="MimicKit"),
+    "protomotions": Loader(check_protomotions, "", ("torch", "omegaconf", "scipy"), clone="ProtoMotions"),
+    "humanoidverse": Loader(check_humanoidverse, "joblib", ("joblib",)),
+    "amp": Loader(check_amp, "numpy"),
+    "unitree": Loader(check_unitree, "pandas", ("pandas",)),
 }
 
 
