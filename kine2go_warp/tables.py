@@ -99,6 +99,11 @@ def number_text(value: float) -> str:
     return f"{value:.3g}"
 
 
+def known(text: str) -> str:
+    """Return the text of a cell with numbers, empty where one is not known (NaN)."""
+    return "" if "nan" in text else text
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number of things in words, such as ``1 trajectory`` or ``2 trajectories``."""
     ending = {"y": "ies", "h": "hes"}.get(noun[-1], f"{noun[-1]}s")

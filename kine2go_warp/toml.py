@@ -22,6 +22,8 @@ def read_toml(path: Path, error: type[Kine2GoError] = Kine2GoError) -> tuple[dic
         return tomllib.loads(text), text
     except FileNotFoundError:
         raise error(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise error(f"{path}: a folder, not a TOML file") from None
     except (OSError, ValueError) as problem:
         raise error(f"{path}: cannot be read as TOML ({problem})") from None
 

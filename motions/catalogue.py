@@ -100,10 +100,11 @@ SEQUENCE_FIELDS = {"name": str, "parts": list, "length": int, "description": str
 """Of a sequence of motions."""
 OPTIONAL = ("bundled", "start", "end", "length", "sample", "description", "scale", "mode", "kind", "hold")
 OPTIONAL += ("time_scale", "mirror")
+KINDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false", list: "a list"}
 BOUNDS = (("rate", *RATES), ("scale", 1e-3, 1e3), ("hold", 0.0, 60.0), ("time_scale", 0.1, 10.0))
 """Fields that are numbers, with the least and the greatest."""
 DEFAULT_LENGTH = 571
-"""Rows of each trajectory of a motion that states none: 9.5 s, as most of the paper's."""
+"""Rows of each trajectory of a motion that states none, or is in no catalogue: 9.5 s, as most of the paper's."""
 
 
 def parse_catalogue(text: str, where: str, folder: Path | None = None) -> dict[str, CatalogueEntry]:
@@ -235,8 +236,8 @@ def check_fields(values: dict[str, object], fields: dict[str, type], where: str)
             continue
         kinds = (int, float) if fields[name] is float else (fields[name],)
         if not isinstance(value, kinds) or (isinstance(value, bool) and fields[name] is not bool):
-            wanted = "number or froude" if name == "time_scale" else fields[name].__name__
-            raise CatalogueError(f"{where}: {name} is {value!r}, not a {wanted}")
+            wanted = "a number or froude" if name == "time_scale" else KINDS[fields[name]]
+            raise CatalogueError(f"{where}: {name} is {value!r}, not {wanted}")
     for name, least, greatest in BOUNDS:
         if isinstance(number := values.get(name, 1.0), int | float) and not least <= number <= greatest:
             raise CatalogueError(f"{where}: {name} is {number:g}; choose {least:g} to {greatest:g}")

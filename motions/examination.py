@@ -31,6 +31,10 @@ CATCH_UP = 2.0
 """A point was held if the step after it stood still is this many times the steps around."""
 TRUNK_LENGTHS = (0.08, 0.8)
 """Shortest and longest trunk after scaling to the robot [m]."""
+LARGEST_ANGLE = 2.0 * np.pi
+"""No joint of a robot turns farther [rad]."""
+HIGHEST_STAND = 2.0
+"""Feet of a robot whose joints are in radians are no higher than this in the median [m]."""
 UNITS = {"metres": 1.0, "centimetres": 1e-2, "millimetres": 1e-3, "inches": 0.0254, "feet": 0.3048}
 REST_FRAMES = 3
 """A file may begin with so many frames of the pose that its skeleton was bound in."""
@@ -64,11 +68,43 @@ def check_size(length: float, scale: float, unit: str, where: str) -> None:
     """
     if TRUNK_LENGTHS[0] <= scale * length <= TRUNK_LENGTHS[1]:
         return
-    usual = 0.3 / scale
-    meant = UNITS[unit] * usual / max(length, 1e-12)
-    likely = min(UNITS, key=lambda name: abs(np.log(UNITS[name] / meant)))
+    likely = likely_unit(UNITS[unit] * 0.3 / (scale * max(length, 1e-12)))
     guess = f"; it is likely in {likely}" if likely != unit else ""
     raise ClipError(f"{where}: a trunk of {length:.3g} m, so the file is not in {unit}{guess}")
+
+
+def check_angles(joints: Array, where: str) -> None:
+    """Refuse joints that turn farther than a robot's [rad].
+
+    Raises:
+        ClipError: one does; the message guesses that the file has degrees.
+    """
+    largest = np.abs(joints).max()
+    if largest > LARGEST_ANGLE:
+        raise ClipError(f"{where}: a joint at {largest:.4g} rad; are the file's angles in degrees?")
+
+
+def check_height(base: Array, feet: Array, where: str) -> None:
+    """Refuse positions of a robot's base in another unit than metres, which its size cannot tell.
+
+    Args:
+        base: Height of the base [m], shape [num_frames].
+        feet: Height of the feet [m], shape [num_frames, 4].
+        where: The file, for messages.
+
+    Raises:
+        ClipError: the feet are far off the ground.
+    """
+    off = float(np.median(feet.min(axis=1)))
+    if abs(off) > HIGHEST_STAND:
+        high = float(np.median(base))
+        likely = likely_unit((high - off) / max(abs(high), 1e-12))
+        raise ClipError(f"{where}: the feet are {off:.3g} m off the ground; the base's position is likely in {likely}")
+
+
+def likely_unit(metres: float) -> str:
+    """Return the name of the unit that is nearest to a length [m]."""
+    return min(UNITS, key=lambda name: abs(np.log(UNITS[name] / metres)))
 
 
 def right_sides(motion: KeypointMotion, where: str) -> KeypointMotion:

@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.cycle import rest_places
+from kine2go_warp.tables import counted
 
 LEG_NAMES = ("FL", "FR", "RL", "RR")
 
@@ -123,5 +124,7 @@ class FrameRange:
                 f"choose 0 <= start < end <= {num_frames} (or end = -1)"
             )
         if end - self.start < MINIMUM_FRAMES:
-            raise ClipError(f"{where}: {end - self.start} frame(s) selected; a motion needs at least {MINIMUM_FRAMES}")
+            raise ClipError(
+                f"{where}: {counted(end - self.start, 'frame')} selected; a motion needs at least {MINIMUM_FRAMES}"
+            )
         return self.start, end

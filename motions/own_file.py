@@ -20,6 +20,7 @@ from kine2go_warp.motions.keypoints import KEYPOINTS, FrameRange, KeypointMotion
 from kine2go_warp.motions.proportions import measured_proportions
 from kine2go_warp.motions.sources import SOURCES, MotionSource, source_named, source_of
 from kine2go_warp.motions.sources.dialects import Dialect, PointFormat, PointsDialect, parse_dialects
+from kine2go_warp.motions.sources.joints import JointSource
 from kine2go_warp.motions.sources.points import PointSource, read_points, with_z_up
 from kine2go_warp.motions.sources.recognition import candidates, guessed_points, recognise
 from kine2go_warp.motions.targets import pose_targets
@@ -72,6 +73,7 @@ class OwnFile:
         name = self.name or name_of(self.path)
         check_name(name, self.path, CatalogueError)
         reader = self.reader(own)
+        is_described = isinstance(reader, PointSource | JointSource) and SOURCES.get(reader.name) is not reader
         return CatalogueEntry(
             name=name,
             collection="",
@@ -85,7 +87,7 @@ class OwnFile:
             licence=self.licence,
             citation=self.citation,
             folder=str(self.path.resolve().parent),
-            dialect=own_dialects(own).get(reader.name),
+            dialect=reader.dialect if is_described else None,
             kind=self.kind,
         )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from kine2go_warp.errors import CatalogueError
+from kine2go_warp.tables import counted
 
 
 @dataclass(frozen=True)
@@ -41,5 +42,5 @@ def parse_parts(values: Sequence[Any], where: str) -> tuple[Part, ...]:
             raise CatalogueError(f'{where}: parts has {one!r:.60}; each is a name, as in "walk", or {example}')
         parts.append(Part(table["motion"], cycles, float(seconds)))
     if len(parts) < 2:
-        raise CatalogueError(f"{where}: parts names {len(parts)} motion(s); a sequence has at least two")
+        raise CatalogueError(f"{where}: parts names {counted(len(parts), 'motion')}; a sequence has at least two")
     return tuple(parts)

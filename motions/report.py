@@ -14,7 +14,7 @@ from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, Keypoint
 from kine2go_warp.motions.quality import ClipQuality
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
-from kine2go_warp.tables import make_table, markdown
+from kine2go_warp.tables import Cell, known, make_table, markdown
 
 COLOURS = ("#d1495b", "#3066be", "#edae49", "#2a9d8f")
 """Front left, front right, rear left, rear right."""
@@ -37,7 +37,6 @@ def write_json(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]], 
 
 
 COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
-    ("motion", lambda q: f"`{q.name}`"),
     ("frames", lambda q: f"{q.start}-{q.end}"),
     ("period [s]", lambda q: f"{q.period:.2f}"),
     ("speed [m/s]", lambda q: f"{q.speed:.2f}"),
@@ -68,15 +67,15 @@ COLUMNS: tuple[tuple[str, Callable[[ClipQuality], str]], ...] = (
     ("feet moved to reach [mm]", lambda q: f"{1e3 * q.foot_moved:.0f}"),
     ("path length [%]", lambda q: f"{100.0 * q.path_error:+.1f}"),
 )
-"""Headings of the table, and how each cell is written."""
+"""Headings of the table after the motion, and how each cell is written."""
 
 
 def markdown_table(qualities: Sequence[ClipQuality], remarks: dict[str, list[str]]) -> str:
     """Return all figures as a table in Markdown."""
-    headings = (*(heading for heading, _ in COLUMNS), "remarks")
+    headings = ("motion", *(heading for heading, _ in COLUMNS), "remarks")
     rows = [
-        [*(cell(quality).replace("nan", "") for _, cell in COLUMNS), "; ".join(remarks[quality.name])]
-        for quality in qualities
+        [Cell(one.name, code=True), *(known(cell(one)) for _, cell in COLUMNS), "; ".join(remarks[one.name])]
+        for one in qualities
     ]
     return markdown(make_table("", headings, rows))
 
@@ -85,12 +84,15 @@ def described(fidelity: Fidelity | None) -> str:
     """Return the most telling metrics in a line."""
     if fidelity is None:
         return ""
-    return (
-        f"trunk pitch {fidelity.trunk_pitch:+.1f} deg, swing height {fidelity.swing_front:.2f} front and "
-        f"{fidelity.swing_hind:.2f} hind, duty {fidelity.duty:+.3f}, base height r {fidelity.height_correlation:.2f}, "
-        f"seam {fidelity.seam_acceleration:.1f} m/s$^2$ (elsewhere {fidelity.other_acceleration:.1f}), "
-        f"slip {fidelity.contact_slip:.3f} m/s"
+    metrics = (
+        f"trunk pitch {fidelity.trunk_pitch:+.1f} deg",
+        f"swing height {fidelity.swing_front:.2f} front and {fidelity.swing_hind:.2f} hind",
+        f"duty {fidelity.duty:+.3f}",
+        f"base height r {fidelity.height_correlation:.2f}",
+        f"seam {fidelity.seam_acceleration:.1f} m/s$^2$ (elsewhere {fidelity.other_acceleration:.1f})",
+        f"slip {fidelity.contact_slip:.3f} m/s",
     )
+    return ", ".join(filter(known, metrics))
 
 
 def draw_sheet(clip: MotionClip, spec: RobotSpec, path: Path) -> None:

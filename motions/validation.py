@@ -11,6 +11,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
 from kine2go_warp.names import check_name
 from kine2go_warp.robots import RobotSpec
+from kine2go_warp.tables import counted
 
 if TYPE_CHECKING:
     from kine2go_warp.motions.clip import MotionClip
@@ -63,7 +64,9 @@ def check_arrays(clip: "MotionClip", path: Path) -> None:
     """Refuse arrays of wrong kinds or shapes, and numbers that are not finite."""
     frames = len(clip.root_position) if np.ndim(clip.root_position) else 0
     if frames < MINIMUM_FRAMES:
-        raise ClipError(f"{path}: {frames} frame(s); a clip needs at least {MINIMUM_FRAMES}; retarget it again")
+        raise ClipError(
+            f"{path}: {counted(frames, 'frame')}; a clip needs at least {MINIMUM_FRAMES}; retarget it again"
+        )
     for name, shape in SHAPES.items():
         values = getattr(clip, name)
         if values.dtype.kind not in "fiu":

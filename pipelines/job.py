@@ -38,7 +38,7 @@ class Job:
     @property
     def entry(self) -> CatalogueEntry:
         """The motion in the catalogue."""
-        return motion_named(self.motion, Path(self.recipe.catalogue) if self.recipe.catalogue else None)
+        return motion_named(self.motion, self.recipe.own_catalogue)
 
     @property
     def robot(self) -> RobotSpec:

@@ -66,6 +66,11 @@ class Recipe:
     score: ScoreConfig = field(default_factory=ScoreConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
 
+    @property
+    def own_catalogue(self) -> Path | None:
+        """File of the user's own catalogue."""
+        return Path(self.catalogue) if self.catalogue else None
+
 
 def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     """Read a recipe.
@@ -77,6 +82,7 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
 
     Raises:
         RecipeError: there is no such file, it is not TOML, or a key or value is wrong; the message names file and line.
+            Or a setting is replaced twice.
     """
     bundled = RECIPE_FOLDER / f"{path}.toml"
     if not path.is_file() and path.parent == Path() and bundled.is_file():
@@ -90,6 +96,9 @@ def load_recipe(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     take_catalogue(values, path)
     recipe = check_recipe(values, str(path), text)
     if overrides:
+        keys = [one.partition("=")[0].strip() for one in overrides]
+        if twice := next((key for key in keys if keys.count(key) > 1), None):
+            raise RecipeError(f"--set {twice}: is given {keys.count(twice)} times; leave out all but one")
         for one in overrides:
             apply_override(values, one)
         recipe = check_recipe(values, "--set")
@@ -148,6 +157,8 @@ def check_recipe(values: dict[str, Any], where: str, text: str = "") -> Recipe:
         robot_named(recipe.robot)
     except Kine2GoError as error:
         refuse("robot", str(error))
+    if not recipe.name:
+        raise RecipeError(f"{where}: 'name' is missing or empty; results go to runs/NAME")
     if not re.fullmatch(r"[\w.-]+", recipe.name) or recipe.name.startswith("."):
         refuse("name", f"name '{recipe.name}' is no name of a folder")
     return recipe
@@ -164,7 +175,7 @@ def named_motions(recipe: Recipe) -> tuple[str, ...]:
         if "*" not in motion:
             found.append(motion)
             continue
-        known = load_catalogue(Path(recipe.catalogue) if recipe.catalogue else None)
+        known = load_catalogue(recipe.own_catalogue)
         names = [name for name in known if fnmatchcase(name, motion)]
         if not names:
             raise RecipeError(f"'motions' has '{motion}', and the catalogue no motion of such a name")

@@ -30,6 +30,7 @@ class Gather:
     out: Path = Path("runs/dataset.zarr")
     """The dataset, a Zarr store; it is created, or the motions are added to it."""
     device: Device = None
+    catalogue: CatalogueFile = None
     strict: bool = False
     """Stop at the first fault of the simulation and save the state before it beside the policy."""
     config: tyro.conf.OmitArgPrefixes[GatherConfig] = field(default_factory=GatherConfig)
@@ -51,7 +52,10 @@ class Gather:
             for motion in motions:
                 progress.stage(motion, "gather")
                 writer = DatasetWriter(self.out, policy.robot)
-                results.append(gather(policy, writer, self.config, self.device, progress.advanced, self.strict, motion))
+                advanced = progress.advanced
+                results.append(
+                    gather(policy, writer, self.config, self.device, advanced, self.strict, motion, self.catalogue)
+                )
         print_summaries(summarise(self.out, motions), self.out)
         for result in results:
             print_rejections(result)

@@ -11,7 +11,7 @@ from kine2go_warp.cli.data import DatasetPath, MotionNames
 
 @dataclass(frozen=True)
 class Export:
-    """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card.
+    """Write a dataset in the format of another program, with a dataset card; a folder for each licence.
 
     Example: kine2go dataset export runs/demo/dataset.zarr --format npz --out runs/npz
     """
@@ -20,8 +20,8 @@ class Export:
     """The dataset (.zarr)."""
     motions: MotionNames = ()
     """Names of motions; by default all."""
-    format: Annotated[str, tyro.conf.arg(metavar="{lerobot,npz}")] = "lerobot"
-    """lerobot (dataset v3.0) or npz."""
+    format: Annotated[str, tyro.conf.arg(metavar="{lerobot,minari,robomimic,d4rl,motivo,parquet,npz}")] = "lerobot"
+    """The format; docs/exports.md says which program reads which."""
     out: Path | None = None
     """Folder to create; by default beside the dataset, named after it and the format."""
     include_rejected: bool = False

@@ -20,7 +20,7 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.motions.catalogue_entry import CatalogueEntry
 from kine2go_warp.motions.cycle_search import CycleCandidate
 from kine2go_warp.motions.poses import Poses
-from kine2go_warp.tables import Cell, Column, Table, make_table
+from kine2go_warp.tables import Cell, Column, Table, known, make_table
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
@@ -193,9 +193,9 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
         *("clip", "frames", "period", "speed", "pitch", "swings", "duty", "height", "seam", "slip"),
         *("standing feet before and after", "depth", "remarks"),
     )
-    rows = [
-        (
-            row.name,
+    rows = []
+    for row in qualities:
+        metrics = (
             f"{row.start}-{row.end}",
             f"{row.period:.2f} s",
             f"{row.speed:.2f} m/s",
@@ -207,10 +207,8 @@ def print_clips(qualities: Sequence["ClipQuality"], remarks: dict[str, list[str]
             f"{row.fidelity.contact_slip:.3f} m/s",
             f"{row.fidelity.source_standing_speed:.2f} {row.fidelity.standing_speed:.2f} m/s",
             " ".join(f"{1e3 * depth:.0f}" for depth in depths(row.fidelity)) + " mm",
-            "; ".join(remarks[row.name]),
         )
-        for row in qualities
-    ]
+        rows.append((row.name, *map(known, metrics), "; ".join(remarks[row.name])))
     print_table(make_table(str(folder), headings, rows, ("clip", "remarks")))
 
 

@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from kine2go_warp.env.mujoco_engine import robot_xml, simulation_record
 from kine2go_warp.env.observations import observation_record
 from kine2go_warp.errors import DatasetError, PolicyError
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
-from kine2go_warp.motions.catalogue import load_catalogue
+from kine2go_warp.motions.catalogue import DEFAULT_LENGTH, load_catalogue
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.revision import revision
 from kine2go_warp.robots.compiled import model_parts
@@ -25,9 +26,6 @@ from kine2go_warp.settings import content_hash, to_dictionary
 if TYPE_CHECKING:
     from kine2go_warp.env.environment import ImitationEnvironment
     from kine2go_warp.rollouts.collector import CollectionStats
-
-DEFAULT_ROWS = 571
-"""Rows of a trajectory whose motion is not in the catalogue."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,7 @@ def gather(
     on_progress: ProgressCallback | None = None,
     strict: bool = False,
     motion: str | None = None,
+    catalogue: Path | None = None,
 ) -> GatherResult:
     """Roll a policy out in batches until enough rollouts are good, and add these to a dataset.
 
@@ -73,6 +72,7 @@ def gather(
         on_progress: Called now and then.
         strict: Stop at the first fault of the simulation and save its state beside the policy.
         motion: Which of its clips the policy tracks; by default its only one.
+        catalogue: A user's own, where the motion may state the number of rows.
 
     Raises:
         PolicyError: the policy cannot be read.
@@ -81,7 +81,7 @@ def gather(
     record = policy.read_record()
     clip = chosen_clip(policy, record, motion)
     env = record.preset.env
-    config = settings_for(config, clip, env.control_rate)
+    config = settings_for(config, clip, env.control_rate, catalogue)
     fingerprint = gather_fingerprint(policy, config)
     simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
     writer.check(clip.name, simulation)
@@ -188,20 +188,22 @@ def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str,
     }
 
 
-def resolve_settings(config: GatherConfig, motion: str) -> GatherConfig:
+def resolve_settings(config: GatherConfig, motion: str, catalogue: Path | None = None) -> GatherConfig:
     """Return the settings with what they leave open: the catalogue's number of rows, and what the level says."""
-    entry = load_catalogue().get(motion)
-    rows = config.rows or (entry.length if entry is not None else DEFAULT_ROWS)
+    entry = load_catalogue(catalogue).get(motion)
+    rows = config.rows or (entry.length if entry is not None else DEFAULT_LENGTH)
     return replace(config, rows=rows, diversity=config.diversity.resolved())
 
 
-def settings_for(config: GatherConfig, clip: MotionClip, control_rate: float) -> GatherConfig:
+def settings_for(
+    config: GatherConfig, clip: MotionClip, control_rate: float, catalogue: Path | None = None
+) -> GatherConfig:
     """Return the settings with what they leave open for a clip.
 
     By default a clip that is played once is recorded from its first frame to its last, at the slowest pace that is
     drawn. No offset is added to its speeds, since its ends are at rest.
     """
-    resolved = resolve_settings(config, clip.name)
+    resolved = resolve_settings(config, clip.name, catalogue)
     if clip.cycle is not None:
         return resolved
     diversity = replace(resolved.diversity, speed_offset=(0.0, 0.0), turn_offset=(0.0, 0.0))

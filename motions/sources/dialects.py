@@ -3,6 +3,7 @@
 ``dialects.toml`` has those that come with the package; a catalogue of one's own may have more, as ``[source.NAME]``.
 """
 
+import json
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from kine2go_warp.toml import place_in, read_toml
 DIALECTS_FILE = Path(__file__).with_name("dialects.toml")
 
 PointFormat = Literal["bvh", "c3d", "table", "arrays"]
+JointFormat = Literal["frames", "pickle", "joint_table", "joint_arrays"]
 Unit = Literal["metres", "centimetres", "millimetres", "inches", "feet"]
 
 
@@ -64,7 +66,7 @@ class PointsDialect:
 class JointsDialect:
     """A file of the base and the joints of a robot with three joints a leg, such as the Go2."""
 
-    format: Literal["frames", "pickle", "joint_table", "joint_arrays"]
+    format: JointFormat
     """``frames``: JSON; ``joint_table``: CSV with a line of names; ``joint_arrays``: ``.npz`` like our own."""
     robots: tuple[str, ...]
     """Whose joints they may be. Where there are columns of toes, the robot that fits them is taken, else the first."""
@@ -177,8 +179,11 @@ def parse_dialects(values: dict[str, Any], text: str, where: str) -> dict[str, D
         raise CatalogueError(f"{where}: 'source' must be a section for each source, such as [source.my_dogs]")
     found: dict[str, Dialect] = {}
     for name, one in tables.items():
-        points, joints = PointsDialect, JointsDialect
-        kind = points if one.get("format") in get_args(PointFormat) else joints
+        format_ = one.get("format", "")
+        if format_ not in (known := (*get_args(PointFormat), *get_args(JointFormat))):
+            place = locate(f"source.{name}.format")
+            raise CatalogueError(f"{where}{place}: format is {json.dumps(format_)}; allowed are: {', '.join(known)}")
+        kind = PointsDialect if format_ in get_args(PointFormat) else JointsDialect
         found[name] = from_dictionary(
             kind,
             one,

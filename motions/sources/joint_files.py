@@ -14,6 +14,7 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import MINIMUM_FRAMES, RATES
 from kine2go_warp.motions.sources.arrays import checked_rate, rate_of, read_npz
 from kine2go_warp.motions.sources.tables import is_number, parse_numbers, read_bytes, read_lines, read_text
+from kine2go_warp.tables import counted
 
 Array = NDArray[np.float64]
 
@@ -204,5 +205,5 @@ def _checked(rows: Array, path: Path) -> Array:
         frame, column = np.argwhere(wrong)[0]
         raise ClipError(f"{path}, frame {frame}: column {column} is not finite or exceeds {LARGEST_VALUE:g}")
     if len(rows) < MINIMUM_FRAMES:
-        raise ClipError(f"{path}: {len(rows)} frame(s); a motion needs at least {MINIMUM_FRAMES}")
+        raise ClipError(f"{path}: {counted(len(rows), 'frame')}; a motion needs at least {MINIMUM_FRAMES}")
     return rows

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.examination import check_angles, check_height
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.dialects import JointsDialect, robot_of_files
@@ -28,8 +29,6 @@ ORDERS = tuple(tuple(order.split()) for order in ("FL FR RL RR", "FR FL RR RL", 
 """Orders of the legs that are tried where the file does not tell."""
 FITS = 0.03
 """Feet by the joints are this close to the file's own, but for a shift that all share, or it is another robot [m]."""
-LARGEST_ANGLE = 2.0 * np.pi
-"""No joint turns farther [rad]."""
 UPRIGHT = 0.5
 """The base's z axis points up by this much, in the median of the frames."""
 TRUNK_HALF_LENGTH = 0.1
@@ -91,6 +90,7 @@ class JointSource(MotionSource):
         size = GO2_LEG_LENGTH / (robot.legs[0].thigh_length + robot.legs[0].calf_length)
         feet = foot_positions(robot, joints)
         points = robot_points(robot, rotation, position, feet)
+        check_height(position[:, 2], points[:, -4:, 2], str(path))
         time = np.arange(len(position)) / rate
         return KeypointMotion(time, size * points, notes=notes_on(fit, size), foot_radius=GO2.foot_radius)
 
@@ -115,8 +115,7 @@ class JointSource(MotionSource):
         if self.dialect.mirrored_hips:
             joints[:, [leg[1] == "R" for leg in LEG_NAMES], 0] *= -1.0
         found = (joints + self.dialect.offset).reshape(-1, 12)
-        if np.abs(found).max() > LARGEST_ANGLE:
-            raise ClipError(f"{path}: a joint at {np.abs(found).max():.4g} rad; are the file's angles in degrees?")
+        check_angles(found, str(path))
         return found
 
     def fit(self, rows: Rows, path: Path) -> Fit:

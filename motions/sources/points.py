@@ -21,6 +21,7 @@ from kine2go_warp.motions.sources.bvh import read_bvh
 from kine2go_warp.motions.sources.dialects import PointsDialect
 from kine2go_warp.motions.sources.joint_files import read_table
 from kine2go_warp.motions.sources.tables import read_bytes
+from kine2go_warp.tables import counted
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class PointSource(MotionSource):
         found = read_points(path, dialect)
         position = np.stack([one_point(found.points, dialect.points[name], path) for name in KEYPOINTS], axis=1)
         if len(position) < MINIMUM_FRAMES:
-            raise ClipError(f"{path}: {len(position)} frame(s); a motion needs at least {MINIMUM_FRAMES}")
+            raise ClipError(f"{path}: {counted(len(position), 'frame')}; a motion needs at least {MINIMUM_FRAMES}")
         rate = found.rate or dialect.rate
         if rate == 0.0:
             raise ClipError(f"{path}: tells no rate; state it in the table of the source, as in rate = 60")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
+from kine2go_warp.motions.examination import check_angles, check_height
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, MINIMUM_FRAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 
@@ -59,8 +60,9 @@ class Solo8(MotionSource):
         for index, leg in enumerate(LEG_NAMES):
             points[f"{leg}_hip"] = base + rotation.apply(hips[index])
             points[f"{leg}_toe"] = base + rotation.apply(feet[:, index])
-        time = np.arange(len(rows)) / self.rate
-        return KeypointMotion(time, np.stack([points[name] for name in KEYPOINTS], axis=1))
+        position = np.stack([points[name] for name in KEYPOINTS], axis=1)
+        check_height(base[:, 2], position[:, -4:, 2], str(path))
+        return KeypointMotion(np.arange(len(rows)) / self.rate, position)
 
 
 def fitted_rate(joints: Array, speeds: Array) -> float:
@@ -106,10 +108,13 @@ def read_trajectory(file: Path, named: Path) -> Array:
     if number >= len(tensor):
         raise ClipError(f"{file}: no trajectory {number}; it holds {len(tensor)}, from 0 on")
     rows = tensor[number]
-    if not np.all(np.abs(rows) <= LARGEST_VALUE):
-        raise ClipError(f"{named}: a value is not finite or its magnitude exceeds {LARGEST_VALUE:g}")
+    fits = np.all(np.abs(rows) <= LARGEST_VALUE, axis=1)
+    if not np.all(fits):
+        frame = int(np.argmin(fits))
+        raise ClipError(f"{named}, frame {frame}: a value is not finite or its magnitude exceeds {LARGEST_VALUE:g}")
     if np.any(np.abs(np.linalg.norm(rows[:, QUATERNION], axis=1) - 1.0) > 1e-2):
         raise ClipError(f"{named}: columns 3 to 6 are not unit quaternions")
+    check_angles(rows[:, JOINTS], str(named))
     return rows
 
 

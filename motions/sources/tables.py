@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.keypoints import MINIMUM_FRAMES
+from kine2go_warp.tables import counted
 
 FORMATS = (
     (r"\s*HIERARCHY\b", "a BVH file"),
@@ -72,7 +73,7 @@ def read_lines(path: Path) -> list[str]:
     if lines and lines[0].count(";") >= 2:
         lines = [line.replace(",", ".").replace(";", ",") for line in lines]
     if len(lines) < MINIMUM_FRAMES:
-        raise ClipError(f"{path}: {len(lines)} line(s); a motion needs at least {MINIMUM_FRAMES} frames")
+        raise ClipError(f"{path}: {counted(len(lines), 'line')}; a motion needs at least {MINIMUM_FRAMES} frames")
     return lines
 
 

@@ -34,7 +34,7 @@ class GatherStage:
             "clip": upstream["retarget"].record.output,
             "robot_model": job.robot.model_hash,
             **robot_inputs(job),
-            "settings": to_dictionary(resolve_settings(job.recipe.gather, job.motion)),
+            "settings": to_dictionary(resolve_settings(job.recipe.gather, job.motion, job.recipe.own_catalogue)),
         }
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:
@@ -48,7 +48,8 @@ class GatherStage:
             monitor.advanced(accepted, total, detail, accepted=float(accepted))
 
         writer = DatasetWriter(folder / STORE, job.robot)
-        result = gather(PolicyFolder(upstream["train"].path), writer, job.recipe.gather, job.device, report)
+        policy, own = PolicyFolder(upstream["train"].path), job.recipe.own_catalogue
+        result = gather(policy, writer, job.recipe.gather, job.device, report, catalogue=own)
         rejected = sum(result.rejected.values())
         metrics = {"accepted": result.accepted, "rejected": rejected, "reasons": result.rejected}
         return StageOutput(motion_content(folder / STORE, job.motion), metrics)

@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -36,10 +37,10 @@ NAMES = ["", *GROUPS, *COMMANDS, *OLD_NAMES]
 
 
 @pytest.mark.parametrize("command", dict.fromkeys(NAMES))
-def test_every_command_explains_itself(command, tmp_path):
-    result = kine2go(*command.split(), "--help", cwd=tmp_path)
-    assert result.returncode == 0
-    assert "usage: kine2go" in result.stdout
+def test_every_command_explains_itself(command, capsys):
+    with suppress(SystemExit):
+        assert main([*command.split(), "--help"]) == 0
+    assert "usage: kine2go" in capsys.readouterr().out
 
 
 def test_the_bare_command_shows_what_to_do_first(capsys):
@@ -144,17 +145,17 @@ BAD_INPUT = {
 
 
 @pytest.mark.parametrize("case", BAD_INPUT, ids=lambda case: case.replace(" ", "-"))
-def test_bad_input_gets_one_line_status_2_and_nothing_written(case, tmp_path):
+def test_bad_input_gets_one_line_status_2_and_nothing_written(case, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv(DATA_VARIABLE, raising=False)
     arguments, message = BAD_INPUT[case]
     (tmp_path / "wrong.npz").write_text("no clip")
     (tmp_path / "wrong.toml").write_text("name = 'a'\nmotions = ['dog_trot']\ncolour = 'red'\n")
     before = sorted(path.name for path in tmp_path.rglob("*"))
-    result = kine2go(*arguments.split(), cwd=tmp_path)
-    assert result.returncode == 2, result.stderr
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("kine2go: error: ")
-    assert message in lines[0]
+    assert main(arguments.split()) == 2
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert line.startswith("kine2go: error: ")
+    assert message in line
     assert sorted(path.name for path in tmp_path.rglob("*")) == before
 
 

@@ -5,7 +5,9 @@ import io
 import pytest
 from rich.console import Console
 
+from kine2go_warp.cli.main import main
 from kine2go_warp.cli.tables import print_table
+from kine2go_warp.motions.catalogue import motion_named
 from kine2go_warp.tables import Cell, Column, make_table, markdown
 
 NAMES = ("vhdc_horse1_s1_walk_01", "ai4_dog_synth_circle_walk", "solo8_leap")
@@ -65,3 +67,19 @@ def test_a_table_in_markdown_has_units_code_and_the_total():
 
 def test_no_rows_are_a_table_of_headings():
     assert "frames" in printed(make_table("", ("frames",), []), 80)
+
+
+def test_what_a_clip_does_not_have_is_an_empty_cell(tmp_path, capsys):
+    """A motion that is played once has no seam; the name of this one is no missing number."""
+    table = tmp_path / "table.md"
+    own = ["--name", "nancy", "--once", "--frames", "0:60", "--licence", "own", "--markdown", str(table)]
+    file = motion_named("dog_trot").path(None)
+    assert main(["motion", "retarget", str(file), *own, "--out", str(tmp_path / "clips")]) in (0, 2)
+    headings, _, row = [line.split(" | ") for line in table.read_text().splitlines()]
+    cells = dict(zip(headings, row, strict=True))
+    assert cells["| motion"] == "| `nancy`"
+    assert (cells["seam [m/s^2]"], cells["seam, strides"]) == ("", "")
+    assert float(cells["slip [m/s]"]) >= 0.0
+    shown = capsys.readouterr().out.replace("nancy", "")
+    assert "slip" in shown
+    assert "nan" not in shown

@@ -191,3 +191,127 @@ def wrong_recipes(folder: Path) -> Iterator[tuple[str, Path]]:
     yield "a folder", folder
     (folder / "binary.toml").write_bytes(bytes(range(256)))
     yield "no text", folder / "binary.toml"
+
+
+GOOD_MOTION: dict[str, object] = {
+    "name": "one", "file": "dog.txt", "source": "ai4animation", "licence": "own", "citation": "",
+}  # fmt: skip
+"""A motion of one's own, as a catalogue has it."""
+
+MOTIONS: dict[str, dict[str, object]] = {
+    "an unknown key": {"colour": "red"},
+    "no licence": {"licence": " "},
+    "a name that is a path": {"name": "../one"},
+    "a name with a control character": {"name": "one\x1b[31m"},
+    "a number for a name": {"name": 3},
+    "a collection that there is not": {"collection": "mine", "source": None, "licence": None, "citation": None},
+    "an unknown kind": {"kind": "twice"},
+    "a hold of a cycle": {"hold": 1.0},
+    "a negative hold": {"kind": "once", "hold": -1.0},
+    "an endless hold": {"kind": "once", "hold": float("inf")},
+    "a hold as a text": {"kind": "once", "hold": "long"},
+    "an unknown mode": {"mode": "magic"},
+    "no rate": {"rate": 0.0},
+    "a rate that is not a number": {"rate": float("nan")},
+    "a scale of nothing": {"scale": 0.0},
+    "a negative time scale": {"time_scale": -1.0},
+    "a time scale as a text": {"time_scale": "slow"},
+    "an end as a text": {"end": "last"},
+    "a mirror as a number": {"mirror": 2},
+    "a length as a text": {"length": "long"},
+}
+"""What replaces or joins the keys of a motion; None leaves one out."""
+
+PARTS: dict[str, object] = {
+    "an unknown part": ["one", "wolf"],
+    "itself as a part": ["one", "walk"],
+    "one part": ["one"],
+    "no parts": [],
+    "parts as a text": "one",
+    "a part as a number": ["one", 3],
+    "cycles and seconds": ["one", {"motion": "dog_trot", "cycles": 2, "seconds": 3.0}],
+    "fewer than no cycles": ["one", {"motion": "dog_trot", "cycles": -1}],
+    "endless seconds": ["one", {"motion": "dog_trot", "seconds": float("inf")}],
+    "a part with another key": ["one", {"motion": "dog_trot", "times": 2}],
+    "repeats of what is played once": ["one", {"motion": "dog_sit_down", "cycles": 2}],
+}
+"""Of a sequence ``walk`` of motions."""
+
+SOURCES = {
+    "a source without points": 'format = "bvh"',
+    "a source of an unknown format": 'format = "fbx"',
+    "a source in an unknown unit": 'format = "bvh"\nunit = "yards"',
+    "a source as a text": None,
+}
+
+
+def wrong_catalogues(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield catalogues that cannot be used, by what is wrong; each could be a recipe as well."""
+
+    def table(values: dict[str, object]) -> str:
+        return "\n".join(["[[motion]]", *(f"{key} = {toml(one)}" for key, one in values.items() if one is not None)])
+
+    texts = {name: table({**GOOD_MOTION, **changed}) for name, changed in MOTIONS.items()}
+    for name, parts in PARTS.items():
+        texts[name] = f"{table(GOOD_MOTION)}\n{table({'name': 'walk', 'parts': parts})}"
+    for name, text in SOURCES.items():
+        described = 'source = "bvh"' if text is None else f"[source.mine]\n{text}"
+        texts[name] = f"{described}\n{table(GOOD_MOTION)}"
+    texts["a motion twice"] = f"{table(GOOD_MOTION)}\n{table(GOOD_MOTION)}"
+    texts["a motion without a file"] = table({**GOOD_MOTION, "file": None})
+    texts["no TOML in a catalogue"] = "[[motion"
+    for name, text in texts.items():
+        path = folder / f"{name.replace(' ', '_')}.toml"
+        path.write_text(f'name = "own"\n{text}')
+        yield name, path
+    yield "no catalogue", folder / "nowhere.toml"
+    yield "a folder as a catalogue", folder
+
+
+def toml(value: object) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml, value))}]"
+    return repr(value) if isinstance(value, float) else json.dumps(value)
+
+
+def wrong_motions(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield motion files that cannot be used, by what is wrong."""
+    bvh = "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 3 Xposition Yposition Zposition\n}\nMOTION\nFrames: 3\n"
+    contents = {
+        "nothing.txt": b"",
+        "words.txt": b"a dog\nand a horse\n",
+        "a rectangle of zeros.txt": b"0 0 0\n" * 40,
+        "control characters.csv": b"a\x1b[31m,b\n1,2\n",
+        "a heading alone.csv": b"time,pelvis_x,pelvis_y,pelvis_z\n",
+        "no numbers.csv": b"pelvis_x,pelvis_y,pelvis_z\n" + b"a,b,c\n" * 20,
+        "cut off.json": b'{"Frames": [[0.0, 1.0',
+        "no frames.json": b'{"FrameDuration": 0.02}',
+        "unequal frames.json": b'{"FrameDuration": 0.02, "Frames": [[0.0, 1.0], [2.0]]}',
+        "cut off.bvh": bvh[:60].encode(),
+        "no frames.bvh": bvh.encode(),
+        "no header.c3d": bytes(range(256)) * 4,
+        "a text.npz": b"no arrays",
+        "a text.parquet": b"PAR1",
+        "a pickle that runs.pkl": pickle.dumps(Runs()),
+        "a text.pt": b"no tensor",
+        "another kind.png": b"\x89PNG\r\n\x1a\n",
+    }
+    for name, content in contents.items():
+        path = folder / name.replace(" ", "_")
+        path.write_bytes(content)
+        yield name, path
+    np.savez(folder / "objects.npz", pelvis=np.array([{}], dtype=object))
+    yield "pickled objects", folder / "objects.npz"
+    yield "no motion file", folder / "nowhere.bvh"
+    (folder / "folder.bvh").mkdir()
+    yield "a folder as a motion file", folder / "folder.bvh"
+
+
+class Runs:
+    """A pickle of it would run a command."""
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return exec, ("raise SystemExit('a pickle was run')",)

@@ -20,7 +20,15 @@ from typing import get_args, get_type_hints
 
 from kine2go_warp.cli.main import COMMANDS, imported, main
 from kine2go_warp.metrics import FILTER_METRICS
-from tests.cli.wrong_files import Good, wrong_clips, wrong_datasets, wrong_policies, wrong_recipes
+from tests.cli.wrong_files import (
+    Good,
+    wrong_catalogues,
+    wrong_clips,
+    wrong_datasets,
+    wrong_motions,
+    wrong_policies,
+    wrong_recipes,
+)
 
 PATIENCE = 20
 """Longest processor time of one input [s]; what has not ended by then was accepted."""
@@ -83,6 +91,17 @@ def ways(good: Good) -> dict[str, list[tuple[str, list[str]]]]:
             ("dataset gather", ["@", "--out", "gathered.zarr"]),
         ],
         "recipe": [("run", ["@", "--out", "run"]), ("status", ["@", "--out", "run"])],
+        "catalogue": [
+            ("motion retarget", ["--all", "--catalogue", "@", "--out", "clips"]),
+            ("motion sources", ["list", "--catalogue", "@"]),
+            ("status", ["@", "--out", "run"]),
+        ],
+        "motion": [
+            ("motion new", ["@", "--out", "new.toml"]),
+            ("motion cycles", ["@"]),
+            ("motion discover", ["@", "--licence", "own", "--out", "found.toml"]),
+            ("motion retarget", ["@", "--licence", "own", "--out", "clips"]),
+        ],
     }
 
 
@@ -93,6 +112,8 @@ def file_inputs(good: Good, folder: Path) -> Iterator[WrongInput]:
         "clip": wrong_clips(good, new(folder / "clips")),
         "policy": wrong_policies(good, new(folder / "policies")),
         "recipe": wrong_recipes(new(folder / "recipes")),
+        "catalogue": wrong_catalogues(new(folder / "catalogues")),
+        "motion": wrong_motions(new(folder / "motions")),
     }
     for what, commands in ways(good).items():
         for kind, path in list(made[what]):
@@ -103,7 +124,7 @@ def file_inputs(good: Good, folder: Path) -> Iterator[WrongInput]:
 
 FIRST = {
     "demo": [], "run": ["demo"], "status": ["demo"], "motion retarget": ["dog_trot"], "motion cycles": ["FILE"],
-    "motion discover": ["FILE", "--licence", "own"],
+    "motion discover": ["FILE", "--licence", "own"], "motion new": ["FILE"],
     "policy train": ["CLIP"], "policy eval": ["POLICY"], "policy sim2sim": ["POLICY"], "policy ablate": ["CLIP"],
     "dataset gather": ["POLICY"], "dataset review": ["DATASET", "--save"], "dataset replay": ["DATASET"],
     "dataset render": ["DATASET", "MOTION", "--out", "a.mp4"], "bench": ["retarget"],

@@ -55,7 +55,7 @@ def test_half_flip_jump_says_that_its_reference_is_another_motions():
         (("rate = 60\n", ""), r"catalogue\.toml, line 1, \[collection\.c\]: lacks rate; the fields are source"),
         (('collection = "c"\n', ""), r"line 8, \[\[motion\]\]: lacks collection"),
         (("start = 0", "begin = 0"), r"line 8, \[\[motion\]\]: has unknown begin"),
-        (("start = 0", 'start = "0"'), r"line 8, \[\[motion\]\]: start is '0', not a int"),
+        (("start = 0", 'start = "0"'), r"line 8, \[\[motion\]\]: start is '0', not a whole number"),
         (('collection = "c"', 'collection = "d"'), r"there is no \[collection\.d\]"),
         (("rate = 60", "rate = 0"), "rate is 0; choose"),
         (("start = 0", 'time_scale = "slow"'), r"line 8, \[\[motion\]\]: time_scale is 'slow', not a number or froude"),

@@ -115,7 +115,7 @@ def test_feet_that_stand_elsewhere_after_a_transition_step_there_in_diagonal_pai
     [
         ('["walk", "gone"]', "'outing' has the unknown part 'gone'"),
         ('["walk", "outing"]', "'outing' is a part of itself"),
-        ('["walk"]', r"parts names 1 motion\(s\); a sequence has at least two"),
+        ('["walk"]', r"parts names 1 motion; a sequence has at least two"),
         ('["walk", 3]', r"line \d+, \[\[motion\]\]: parts has 3; each is a name"),
         ('["walk", { motion = "walk", cycles = 2, seconds = 1.0 }]', "parts has .*each is a name"),
         ('["walk", { motion = "walk", often = 2 }]', "parts has .*each is a name"),

@@ -101,3 +101,8 @@ def test_settings_can_be_replaced_one_by_one():
 def test_a_wrong_replacement_is_refused(override, message):
     with pytest.raises(RecipeError, match=message):
         load_recipe(Path("demo"), [override])
+
+
+def test_a_setting_is_replaced_once():
+    with pytest.raises(RecipeError, match=r"--set train\.env\.seed: is given 2 times; leave out all but one"):
+        load_recipe(Path("demo"), ["train.env.seed=1", "record.trajectories=0", "train.env.seed = 2"])

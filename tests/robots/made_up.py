@@ -57,7 +57,7 @@ def urdf():
 
 def write_robot(folder: Path) -> str:
     """Write the URDF and the file of docs/adding-a-robot.md into a folder; return the robot's reference."""
-    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    example, _variant = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (folder / "my_robot.urdf").write_text(urdf())
     (folder / "my_robot.py").write_text(example)
     return f"{(folder / 'my_robot.py').resolve()}:SPEC"

@@ -50,6 +50,19 @@ def test_the_page_names_every_field_of_a_specification():
     assert {field.name for field in fields(RobotSpec)} == set(re.findall(r"`(\w+)`", " ".join(named)))
 
 
+def test_the_variant_of_the_page_is_a_heavier_go2_with_weaker_motors(tmp_path):
+    _robot, variant = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (tmp_path / "go2_laden.py").write_text(variant)
+    text = GO2.urdf.read_text()
+    assert text.count('<mass value="6.921"/>') == 1
+    (tmp_path / "go2_laden.urdf").write_text(text.replace('"6.921"', '"9.921"'))
+    spec = robot_named(f"{tmp_path / 'go2_laden.py'}:SPEC")
+    assert spec.mass == pytest.approx(GO2.mass + 3.0)
+    assert spec.motor_limits.driving == pytest.approx([0.8 * torque for torque in GO2.motor_limits.driving])
+    assert spec.motor_limits.braking == GO2.motor_limits.braking
+    assert spec.model_hash != GO2.model_hash
+
+
 def test_every_command_of_the_page_succeeds_so_the_replay_is_the_same_bit_for_bit(place):
     assert place[1] == dict.fromkeys(SMALL, 0)
 

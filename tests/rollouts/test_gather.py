@@ -159,6 +159,16 @@ def test_rows_are_those_of_the_papers_table_unless_given():
     assert resolve_settings(replace(config, rows=40), "ai4_dog_pace").rows == 40
 
 
+def test_a_catalogue_of_ones_own_states_rows_as_well(tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text(
+        '[[motion]]\nname = "mine"\nfile = "a.bvh"\nsource = "labrador"\nlicence = "own"\ncitation = ""\nlength = 301\n'
+    )
+    assert resolve_settings(GatherConfig(), "mine", own).rows == 301
+    assert resolve_settings(GatherConfig(rows=40), "mine", own).rows == 40
+    assert resolve_settings(GatherConfig(), "dog_trot", own) == resolve_settings(GatherConfig(), "dog_trot")
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
