@@ -270,7 +270,7 @@ def _matrix(frames: Any, path: Path) -> Array:
             raise ClipError(f"{path}, frame {index}: not the {width} numbers that frame 0 has")
         try:
             rows[index] = frame
-        except (TypeError, ValueError):
+        except (OverflowError, TypeError, ValueError):
             raise ClipError(f"{path}, frame {index}: holds something that is not a number") from None
     return _checked(rows, path)
 
