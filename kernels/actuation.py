@@ -135,7 +135,7 @@ def apply_motor_torque(
     joint_force: wp.array2d(dtype=float),
     torque: wp.array2d(dtype=float),
 ):
-    """Write each motor's limited PD torque [N m] into ``torque``, and with the joint's friction into Newton's forces.
+    """Write each motor's limited PD torque [N m] into ``torque``, and with the joint's friction into the joint forces.
 
     Launched over [num_worlds, 12] before every physics substep.
     """

@@ -21,13 +21,6 @@ def pyramid_force(rows: wp.vec4, friction: float) -> wp.vec3:
 
 
 @wp.kernel
-def collect_overflow(overflow: wp.array(dtype=int), collected: wp.array(dtype=int)):
-    """Add the solver's warnings of a substep to those of the substeps before. Launched over [num_worlds]."""
-    world = wp.tid()
-    collected[world] = collected[world] | overflow[world]
-
-
-@wp.kernel
 def clear_contacts(
     foot_force: wp.array2d(dtype=wp.vec3), body_contact: wp.array(dtype=int), leg_contact: wp.array(dtype=int)
 ):

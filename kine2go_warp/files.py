@@ -60,17 +60,23 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_sibling(path)
-    old = temporary.with_name(f"{temporary.name}-old")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()
     try:
         yield temporary
-        flush_folder(temporary)
-        if path.exists():
-            path.rename(old)
-        temporary.rename(path)
+        put_in_place(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def put_in_place(folder: Path, path: Path) -> None:
+    """Give a finished folder the name ``path``, and remove what had it before."""
+    flush_folder(folder)
+    old = temporary_sibling(path)
+    old = old.with_name(f"{old.name}-old")
+    if path.exists():
+        path.rename(old)
+    folder.rename(path)
     shutil.rmtree(old, ignore_errors=True)
 
 

@@ -51,7 +51,7 @@ ALLOWED = {
         "motions",
         "robots",
     },
-    "exports": {"exports", "dataset"},
+    "exports": {"exports", "dataset", "motions", "robots"},
     "recordings": {"recordings", "dataset", "motions", "robots"},
     "scores": {"scores", "dataset", "robots"},
     "renders": {"renders", "dataset", "robots"},

@@ -6,12 +6,15 @@ from typing import Annotated
 
 import tyro
 
-from kine2go_warp.cli.data import DatasetPath, MotionNames
+from kine2go_warp.cli.data import ClipPaths, DatasetPath, MotionNames
+
+MOTION_FORMAT_NAMES = "mjlab,mimickit,amp,humanoidverse,protomotions,unitree"
+FORMAT_NAMES = f"{{lerobot,minari,robomimic,d4rl,motivo,parquet,npz,{MOTION_FORMAT_NAMES}}}"
 
 
 @dataclass(frozen=True)
 class Export:
-    """Write a dataset in the format of LeRobot, or as one .npz file a trajectory, with a dataset card.
+    """Write a dataset in the format of another program, with a dataset card; a folder for each licence.
 
     Example: kine2go dataset export runs/demo/dataset.zarr --format npz --out runs/npz
     """
@@ -20,8 +23,8 @@ class Export:
     """The dataset (.zarr)."""
     motions: MotionNames = ()
     """Names of motions; by default all."""
-    format: Annotated[str, tyro.conf.arg(metavar="{lerobot,npz}")] = "lerobot"
-    """lerobot (dataset v3.0) or npz."""
+    format: Annotated[str, tyro.conf.arg(metavar=FORMAT_NAMES)] = "lerobot"
+    """The format; docs/exports.md says which program reads which."""
     out: Path | None = None
     """Folder to create; by default beside the dataset, named after it and the format."""
     include_rejected: bool = False
@@ -50,4 +53,32 @@ class Export:
         )
         if note := check_note(self.dataset, record.motions):
             say(f"remark: {note}")
+        return 0
+
+
+@dataclass(frozen=True)
+class ExportClips:
+    """Write clips as motions for other trackers, licences apart.
+
+    Example: kine2go motion export runs/demo/clips/dog_trot.npz --format mjlab --out runs/mjlab
+    """
+
+    clips: ClipPaths
+    """Clips that 'kine2go motion retarget' made (.npz)."""
+    out: Path
+    """Folder to create."""
+    format: Annotated[str, tyro.conf.arg(metavar=f"{{{MOTION_FORMAT_NAMES}}}")] = "mjlab"
+    """The format; docs/exports.md says which program reads which."""
+    overwrite: bool = False
+    """Replace an older export in that folder."""
+
+    def run(self) -> int:
+        """Write the files and say where they are."""
+        from kine2go_warp.exports.clips import export_clips
+        from kine2go_warp.motions.clip import MotionClip
+        from kine2go_warp.tables import counted
+
+        clips = [MotionClip.load(path) for path in self.clips]
+        export_clips(clips, self.format, self.out, self.overwrite)
+        print(f"{self.out}: {counted(len(clips), 'clip')} for {self.format}; whose they are: {self.out / 'README.md'}")
         return 0

@@ -23,6 +23,7 @@ COMMANDS = {
     "motion retarget": "motion_commands:Retarget",
     "motion cycles": "motion_commands:Cycles",
     "motion discover": "discover_command:Discover",
+    "motion export": "export_command:ExportClips",
     "policy train": "train_command:Train",
     "policy eval": "eval_command:Eval",
     "policy sim2sim": "sim2sim_command:Sim2Sim",
@@ -50,7 +51,9 @@ GROUPS = {
 }
 """What the commands of a group work on."""
 
-OLD_NAMES = {name.split()[1]: name for name in COMMANDS if " " in name and name != "policy export"}
+OLD_NAMES = {
+    name.split()[1]: name for name in COMMANDS if " " in name and name not in ("motion export", "policy export")
+}
 OLD_NAMES["export-policy"] = "policy export"
 """Names that commands had before they were grouped."""
 

@@ -181,7 +181,7 @@ class EnvConfig:
     control_rate: float = 60.0
     """[Hz]"""
     substeps: int = 4
-    """Physics steps in one control step; an even number."""
+    """Physics steps in one control step."""
     episode_time: float = 20.0
     """Longest episode [s]."""
     end_hold: float = 0.5
@@ -217,11 +217,8 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, num_worlds=(0, 1e6), seed=(0, 2**31 - 1), control_rate=(1, 1e4), episode_time=(1e-3, 1e6))
-        check_ranges(self, history_length=(1, 1000), steps_ahead=(0, 1e5), end_hold=(0, 1e6))
+        check_ranges(self, substeps=(1, 1000), history_length=(1, 1000), steps_ahead=(0, 1e5), end_hold=(0, 1e6))
         check_ranges(self, initial_limit_scale=(1, INFINITE), limit_anneal_time=(0, INFINITE))
-        if self.substeps < 2 or self.substeps % 2:
-            # Newton alternates between two states; an odd number would leave the result in the wrong one on replay.
-            raise Kine2GoError(f"substeps is {self.substeps}; it must be an even number")
         if any(ahead < 1 for ahead in self.steps_ahead):
             raise Kine2GoError(f"steps_ahead is {list(self.steps_ahead)}; each must be at least 1")
         check_names(self.rewards, "reward")

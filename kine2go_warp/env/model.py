@@ -22,8 +22,13 @@ from kine2go_warp.kernels.leg_distance import BodyShapes
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.urdf import merge_fixed_links
 
-NO_DAMPING = int(mujoco_warp.DisableBit.EULERDAMP)
-"""MuJoCo's flag for an integrator that leaves joint damping out."""
+ABSENT = int(
+    mujoco_warp.DisableBit.EULERDAMP
+    | mujoco_warp.DisableBit.SPRING
+    | mujoco_warp.DisableBit.DAMPER
+    | mujoco_warp.DisableBit.FRICTIONLOSS
+)
+"""MuJoCo's flags for what the model has none of: joint springs, damping, compensation of gravity, fluids, friction."""
 
 SOLREF_AS_GIVEN = 1
 """Newton's mode in which a joint limit takes MuJoCo's time constant and damping ratio as they are."""
@@ -109,9 +114,11 @@ def build_solver(model: newton.Model, config: EnvConfig) -> newton.solvers.Solve
         # One unused weld a floating base would otherwise take constraint rows.
         kinematic_switchable_roots=False,
     )
-    # Joints have no damping, for which Euler's integrator would factorise the mass matrix a second time.
-    solver.mjw_model.opt.disableflags |= NO_DAMPING
-    solver.mj_model.opt.disableflags |= NO_DAMPING
+    # The solver would compute what is zero, and factorise the mass matrix a second time for the damping.
+    solver.mjw_model.opt.disableflags |= ABSENT
+    solver.mj_model.opt.disableflags |= ABSENT
+    solver.mjw_model.opt.timestep.fill_(config.substep_duration)
+    solver.mj_model.opt.timestep = config.substep_duration
     # Full buffers are counted and reported; with thousands of worlds, a line printed for each would hide the report.
     solver.mjw_model.opt.warn_overflow = 0
     return solver

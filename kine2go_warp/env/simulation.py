@@ -24,6 +24,7 @@ from kine2go_warp.env.model import (
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.terrain import HeightField
 from kine2go_warp.kernels import contacts, loads
+from kine2go_warp.kernels.coordinates import pull_state, push_state
 from kine2go_warp.kernels.loads import StepLoads
 from kine2go_warp.kernels.state import NUM_JOINTS, NUM_LEGS, RobotState
 from kine2go_warp.metrics import SATURATION
@@ -56,15 +57,9 @@ class Simulation:
         self.config, self.num_worlds = config, config.num_worlds
         self.model = build_model(spec, config, ground, device)
         self.solver = build_solver(self.model, config)
-        self.states = (self.model.state(), self.model.state())
-        self.control = self.model.control()
-        self.joint_force = by_world(self.control.joint_f, self.num_worlds)
-        self.coordinates = [
-            (by_world(state.joint_q, self.num_worlds), by_world(state.joint_qd, self.num_worlds))
-            for state in self.states
-        ]
         self.robot = RobotState()
-        self.robot.joint_q, self.robot.joint_qd = self.coordinates[0]
+        self.robot.joint_q = by_world(wp.clone(self.model.joint_q), self.num_worlds)
+        self.robot.joint_qd = by_world(wp.clone(self.model.joint_qd), self.num_worlds)
         self.robot.com_b = wp.array(base_com(self.model, self.num_worlds), dtype=wp.vec3)
         self.geometry = leg_geometry(spec, device)
         self.geom_role = wp.array(geom_roles(self.model, self.solver, spec), dtype=int)
@@ -72,8 +67,6 @@ class Simulation:
         self.foot_force = wp.zeros((self.num_worlds, 4), dtype=wp.vec3)
         self.body_contact = wp.zeros(self.num_worlds, dtype=int)
         self.leg_contact = wp.zeros(self.num_worlds, dtype=int)
-        self.overflow = wp.zeros(self.num_worlds, dtype=int)
-        """The solver's warnings of all substeps since they were last cleared, bits of ``OVERFLOW_MASK``."""
         self.loads = make_loads(self.num_worlds) if record_loads else None
 
     @property
@@ -82,26 +75,33 @@ class Simulation:
         return self.solver.mjw_data
 
     @property
+    def overflow(self) -> wp.array[Any]:
+        """The solver's warnings of all substeps since they were last cleared, shape [num_worlds]."""
+        return self.data.overflow
+
+    @property
     def warm_start(self) -> wp.array[Any]:
         """What the solver keeps from one step for the next, shape [num_worlds, 18]."""
         return self.data.qacc_warmstart
 
     def advance(self, motors: Motors, reference_step: wp.array[Any]) -> None:
-        """Run the substeps of a control step; an even number of them ends in the state that they began with."""
+        """Run the substeps of a control step.
+
+        MuJoCo Warp is stepped itself: Newton's own step would place all bodies and convert forces that nobody uses.
+        """
+        robot, data = self.robot, self.data
         for substep in range(self.config.substeps):
-            now, after = substep % 2, 1 - substep % 2
-            motors.apply(substep, reference_step, *self.coordinates[now], self.joint_force)
-            self.solver.step(self.states[now], self.states[after], self.control, None, self.config.substep_duration)
-            # The solver clears its own flags when the next substep begins.
-            wp.launch(contacts.collect_overflow, dim=self.num_worlds, inputs=[self.data.overflow, self.overflow])
+            motors.apply(substep, reference_step, robot.joint_q, robot.joint_qd, data.qfrc_applied)
+            wp.launch(push_state, dim=self.num_worlds, inputs=[robot, data.qpos, data.qvel])
+            mujoco_warp.step(self.solver.mjw_model, data)
             if self.loads is not None:
                 self.collect_contacts()
-                velocities = [self.coordinates[now][1], self.coordinates[after][1]]
                 when = [reference_step, substep, self.config.substeps, motors.model, SATURATION, self.loads]
-                inputs = [motors.torque, *velocities, motors.target_queue, *when]
+                inputs = [motors.torque, robot.joint_qd, data.qvel, motors.target_queue, *when]
                 wp.launch(loads.add_joint_loads, dim=motors.torque.shape, inputs=inputs)
                 inputs = [self.foot_force, substep, self.config.substeps, self.loads]
                 wp.launch(loads.add_foot_loads, dim=self.foot_force.shape, inputs=inputs)
+            wp.launch(pull_state, dim=self.num_worlds, inputs=[data.qpos, data.qvel, robot])
 
     def clear_loads(self) -> None:
         """Forget what the robots bore in an earlier life."""

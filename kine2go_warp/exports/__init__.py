@@ -1,1 +1,1 @@
-"""Datasets in the formats of others: LeRobot, and one .npz file a trajectory."""
+"""Datasets and clips in the formats of others."""

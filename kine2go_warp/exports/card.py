@@ -1,15 +1,20 @@
 """The card of an exported dataset: what it holds, whose it is, and how good it is, in Hugging Face's form."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion
-from kine2go_warp.exports.fields import Field
+from kine2go_warp.exports.features import Field
 from kine2go_warp.tables import counted, make_table, markdown
+
+if TYPE_CHECKING:
+    from kine2go_warp.exports.export import ExportRecord
+    from kine2go_warp.exports.target import Output, Target
 
 LICENCE_IDENTIFIERS = {
     "BSD-3-Clause": "bsd-3-clause",
@@ -20,28 +25,30 @@ LICENCE_IDENTIFIERS = {
 
 TAGS = ("kine2go", "robotics", "quadruped", "unitree-go2", "locomotion", "imitation-learning")
 
-FORMAT_NAMES = {"lerobot": "LeRobot dataset v3.0", "npz": "one .npz file a trajectory"}
 
-
-def dataset_card(dataset: Dataset, form: str, fields: Sequence[Field], loading: str) -> str:
+def dataset_card(output: "Output", form: str, target: "Target") -> str:
     """Return the README.md of an export.
 
     Args:
-        dataset: What was exported.
-        form: The format.
-        fields: The fields with one entry a row.
-        loading: Python lines that load it.
+        output: What was exported.
+        form: Name of the format.
+        target: The format.
     """
+    dataset = output.dataset
     groups = by_motion(dataset.references)
     first = dataset.motion(next(iter(groups)))
     hours = dataset.num_rows / dataset.rate / 3600.0
     title = f"Unitree Go2 state-action data, {counted(len(groups), 'motion')}"
+    loading = target.loading
+    known = {"motion": first.name, "rate": f"{dataset.rate:.0f}", "robot": dataset.attributes["robot"]}
+    for name, value in (known | {"folder": "THIS FOLDER"}).items():
+        loading = loading.replace(f"{{{name}}}", value)
     parts = [
-        front_matter(dataset, groups, form, title),
+        front_matter(dataset, groups, form, target, title),
         f"# {title}",
         f"{counted(len(dataset.references), 'trajectory')}, {dataset.num_rows} rows at {dataset.rate:g} Hz, "
         f"{hours:.3g} hours; "
-        f"{FORMAT_NAMES[form]}. Rollouts of policies that track retargeted animal and robot motions, simulated by "
+        f"{target.title}. Rollouts of policies that track retargeted animal and robot motions, simulated by "
         f"kine2go_warp {dataset.attributes['software_version']} "
         f"(revision {dataset.attributes['software_revision']}).",
         f"## Load it\n\n```python\n{loading.rstrip()}\n```",
@@ -50,15 +57,29 @@ def dataset_card(dataset: Dataset, form: str, fields: Sequence[Field], loading: 
         f"{licence_table(dataset, groups)}",
         f"## Quality\n\nMeans over the trajectories, from the metrics stored with the data.\n\n"
         f"{quality_table(dataset, groups)}",
-        f"## Fields with one entry a row\n\n{field_table(first, fields)}",
-        f"## Fields with one entry a trajectory\n\n{trajectory_table(first, form)}",
+        f"## Fields with one entry a row\n\n{target.time_rule}\n\n{field_table(output.fields)}",
+        *([f"## Fields with one entry a trajectory\n\n{trajectory_table(first, target)}"] if target.about else []),
         f"## Conventions\n\n{dataset.attributes['conventions']} {dataset.attributes['action_rule']}\n\n"
-        f"{robot_list(dataset)}",
+        "A vector in the frame `base` is turned as the base link is; `heading` is level, and its x axis points where "
+        "the base looks.",
+        f"## Robot\n\n{joint_table(dataset, first)}\n\n{robot_list(dataset)}",
+        f"## Simulator\n\n{simulator_list(first)}",
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def front_matter(dataset: Dataset, motions: Iterable[str], form: str, title: str) -> str:
+def overview(record: "ExportRecord", groups: Mapping[str, Sequence[str]]) -> str:
+    """Return the README.md of an export of several licences, which has a folder for each."""
+    rows = [(f"[{record.parts[licence]}]({record.parts[licence]}/README.md)", licence, ", ".join(names))
+            for licence, names in groups.items()]  # fmt: skip
+    return (
+        f"# {record.dataset}: {record.format}, {counted(len(groups), 'licence')}\n\n"
+        "Motions of different licences are in folders of their own.\n\n"
+        f"{table(('folder', 'licence', 'motions'), rows)}\n"
+    )
+
+
+def front_matter(dataset: Dataset, motions: Iterable[str], form: str, target: "Target", title: str) -> str:
     """Return the header that Hugging Face reads, in YAML (whose texts may be written as in JSON)."""
     licences = {str(dataset.motion(name).attributes.get("licence", "unknown")) for name in motions}
     identifier = LICENCE_IDENTIFIERS.get(next(iter(licences))) if len(licences) == 1 else None
@@ -66,9 +87,11 @@ def front_matter(dataset: Dataset, motions: Iterable[str], form: str, title: str
     if identifier is None:
         lines += ["license_name: see-each-motion", "license_link: README.md"]
     lines += [f"pretty_name: {json.dumps(title)}", "task_categories:", "- robotics", "tags:"]
-    lines += [f"- {tag}" for tag in (("LeRobot", *TAGS) if form == "lerobot" else TAGS)]
-    if form == "lerobot":
-        lines += ["configs:", "- config_name: default", "  data_files: data/*/*.parquet"]
+    lines += [f"- {tag}" for tag in (*target.tags, *TAGS)]
+    if target.data_files:
+        lines += ["configs:", "- config_name: default", f"  data_files: {target.data_files}"]
+    if form == "parquet":
+        lines += ["- config_name: trajectories", "  data_files: trajectories/**/*.parquet"]
     return "\n".join([*lines, "---"])
 
 
@@ -123,36 +146,69 @@ def is_metric(name: str, dims: tuple[str, ...]) -> bool:
     return name.startswith("quality/") and dims == ("trajectory",)
 
 
-def field_table(motion: Motion, fields: Sequence[Field]) -> str:
-    """Return name, unit and meaning of everything with one entry a row, with its columns where fields are joined."""
+def field_table(fields: Sequence[Field]) -> str:
+    """Return content, unit and frame of everything with one entry a row, and where in its field it is."""
     rows = []
     for field in fields:
         first = 0
-        for array in field.arrays:
-            spec, columns = motion.spec(array), motion.column_names(array)
-            place = f"[{first}:{first + len(columns)}]" if len(field.arrays) > 1 else ""
-            rows.append(
-                (f"`{field.name}{place}`", array, len(columns), spec.unit, spec.description, shortened(columns))
-            )
+        for feature in field.features:
+            columns = [one for one in field.columns if one.split(".")[0] == feature.name] or list(field.columns)
+            place = f"[{first}:{first + len(columns)}]" if len(field.features) > 1 else ""
+            named = (f"`{field.name}{place}`", feature.name, len(columns), feature.unit, feature.content)
+            rows.append((*named, feature.frame, shortened(columns)))
             first += len(columns)
-    return table(("field", "array", "numbers", "unit", "meaning", "columns"), rows)
+    return table(("field", "feature", "numbers", "unit", "content", "frame", "columns"), rows)
 
 
-def trajectory_table(motion: Motion, form: str) -> str:
+def trajectory_table(motion: Motion, target: "Target") -> str:
     """Return name, unit and meaning of what is stored once a trajectory."""
-    prefix = "kine2go/" if form == "lerobot" else ""
-    where = "Columns of `meta/episodes`.\n\n" if form == "lerobot" else ""
+    prefix = target.about_prefix
     specs = [spec for name, spec in motion.trajectory_arrays.items() if not (prefix and name == "length")]
     rows = [(f"`{prefix}{one.name}`", " x ".join(one.dims), one.unit, one.description) for one in specs]
-    return where + table(("field", "dimensions", "unit", "meaning"), rows)
+    return f"{target.about}\n\n{table(('field', 'dimensions', 'unit', 'meaning'), rows)}"
+
+
+def joint_table(dataset: Dataset, motion: Motion) -> str:
+    """Return the joints in the order of the data, with their number in the SDK, default pose and limits."""
+    attributes, simulation = dataset.attributes, simulation_of(motion)
+    names, limits = attributes["joint_names"], simulation.get("motor_limits", {})
+    order = list(attributes["sdk_motor_order"])
+    known = {
+        "lower limit [rad]": simulation.get("joint_lower"),
+        "upper limit [rad]": simulation.get("joint_upper"),
+        "torque limit [N m]": limits.get("driving"),
+        "speed without load [rad/s]": limits.get("no_load_speed"),
+    }
+    rows = [
+        (index, f"`{name}`", order.index(name), attributes["default_joint_position"][index],
+         *("-" if values is None else f"{values[index]:g}" for values in known.values()))
+        for index, name in enumerate(names)
+    ]  # fmt: skip
+    return table(("index", "joint", "SDK index", "default pose [rad]", *known), rows)
 
 
 def robot_list(dataset: Dataset) -> str:
-    """Return what a user must know of robot and control."""
+    """Return what a user must know of robot and control besides the joints."""
     attributes = dataset.attributes
-    names = ("robot", "joint_names", "default_joint_position", "action_scale", "stiffness", "damping")
-    names += ("control_frequency", "physics_substeps", "sdk_motor_order", "robot_model_sha256")
+    names = ("robot", "action_scale", "stiffness", "damping", "control_frequency", "physics_substeps")
+    names += ("robot_model_sha256",)
     return "\n".join(f"- {name}: {as_text(attributes[name])}" for name in names if name in attributes)
+
+
+def simulation_of(motion: Motion) -> dict[str, Any]:
+    """Return what a motion says of its simulation, nothing where it says nothing."""
+    found = motion.attributes.get("simulation")
+    return found if isinstance(found, dict) else {}
+
+
+def simulator_list(motion: Motion) -> str:
+    """Return simulator, time step and versions of packages."""
+    simulation = simulation_of(motion)
+    names = ("engine", "timestep", "substeps", "integrator", "solver", "cone", "ground")
+    lines = [f"- {name}: {as_text(simulation[name])}" for name in names if name in simulation]
+    packages = simulation.get("packages", {})
+    lines += [f"- versions: {', '.join(f'{name} {version}' for name, version in packages.items())}"] if packages else []
+    return "\n".join(lines) or "Not recorded."
 
 
 def as_text(value: object) -> str:
@@ -160,7 +216,7 @@ def as_text(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def shortened(columns: tuple[str, ...]) -> str:
+def shortened(columns: Sequence[str]) -> str:
     """Return the names of columns, the middle ones left out where there are many."""
     return ", ".join(columns) if len(columns) <= 5 else f"{columns[0]}, {columns[1]}, ..., {columns[-1]}"
 

@@ -1,7 +1,7 @@
 """The layout of a LeRobot dataset, version 3.0, without video."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +13,12 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import Motion, Trajectory, TrajectoryReference
 from kine2go_warp.errors import ExportError
-from kine2go_warp.exports.fields import Field, array_field, joined_field
+from kine2go_warp.exports.features import Field, stored
 from kine2go_warp.exports.lerobot_statistics import EpisodeStatistics, episode_statistics, merged_statistics
-from kine2go_warp.exports.rolling import FILE_MEGABYTES, FILES_A_CHUNK, PATH_TEMPLATE, RollingParquet
+from kine2go_warp.exports.rolling import FILE_MEGABYTES, FILES_A_CHUNK, PATH_TEMPLATE, RollingParquet, as_table
+from kine2go_warp.exports.target import Output, Target, check_finite, learning_fields, task_sentence
 
 CODEBASE_VERSION = "v3.0"
-
-STATE_ARRAYS = (
-    "root_orientation",
-    "root_linear_velocity",
-    "root_angular_velocity",
-    "joint_position",
-    "joint_velocity",
-)
-"""What ``observation.state`` holds, in this order."""
 
 POLICY_PREFIXES = ("action", "observation")
 """LeRobot takes every feature whose name begins so for an output or an input of the policy."""
@@ -40,80 +32,88 @@ INDEX_FEATURES = {
 }
 """Features that every LeRobot dataset ends with, and their types."""
 
+ABOUT_PREFIX = "kine2go/"
+"""Stands in ``meta/episodes`` before the names of what the dataset stores once a trajectory."""
+
 EPISODES_A_WRITE = 200
 
 LOADING = """\
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-window = {"action": [step / FPS for step in range(16)]}
-dataset = LeRobotDataset("local/go2", root="THIS FOLDER", delta_timestamps=window)
+window = {"action": [step / {rate} for step in range(16)]}
+dataset = LeRobotDataset("local/go2", root="{folder}", delta_timestamps=window)
 state, actions = dataset[0]["observation.state"], dataset[0]["action"]  # [34], [16, 12]
 """
 
 
 def lerobot_fields(motion: Motion) -> list[Field]:
     """Return the features of a dataset, besides ``INDEX_FEATURES``."""
-    others = [name for name in motion.row_arrays if name not in {*STATE_ARRAYS, "action"}]
+    others = [name for name in motion.row_arrays if name != "action"]
     return [
-        joined_field(motion, STATE_ARRAYS, "observation.state"),
-        array_field(motion, "action"),
-        *(array_field(motion, name, f"policy.{name}" if name.startswith(POLICY_PREFIXES) else name) for name in others),
+        *learning_fields(motion),
+        *(stored(motion, name, f"policy.{name}" if name.startswith(POLICY_PREFIXES) else name) for name in others),
     ]
 
 
-def write_lerobot(
-    dataset: Dataset,
-    folder: Path,
-    on_trajectory: Callable[[int, int], None] | None = None,
-    file_bytes: int = FILE_MEGABYTES * 2**20,
-) -> list[Field]:
-    """Write a dataset as LeRobot's: an episode a trajectory, a task a motion.
-
-    Args:
-        dataset: What to write.
-        folder: Where; it exists and is empty.
-        on_trajectory: Called with the trajectories written and their total.
-        file_bytes: Size at which the next file of data begins.
-
-    Returns:
-        The features, besides ``INDEX_FEATURES``.
+def check_rate(dataset: Dataset) -> None:
+    """Check that LeRobot can hold the rate of a dataset.
 
     Raises:
-        ExportError: the rate is not a whole number of frames a second, or a value is not a finite number.
-        DatasetError: an array cannot be read.
+        ExportError: it is no whole number of frames a second.
     """
     if dataset.rate != round(dataset.rate):
         raise ExportError(f"{dataset.path}: LeRobot wants a whole number of frames a second, not {dataset.rate}")
-    fields = lerobot_fields(dataset.motion(dataset.references[0].motion))
-    tasks = list(dict.fromkeys(one.motion for one in dataset.references))
-    arrays = tuple(name for field in fields for name in field.arrays)
-    total = EpisodeStatistics({})
-    rows = 0
+
+
+def write_motion(
+    output: Output, motion: str, trajectories: Iterator[Trajectory], file_bytes: int = FILE_MEGABYTES * 2**20
+) -> None:
+    """Write a motion as a task, and each of its trajectories as an episode.
+
+    Args:
+        output: Where, and what besides.
+        motion: Its name.
+        trajectories: Its trajectories.
+        file_bytes: Size at which the next file of data begins.
+
+    Raises:
+        ExportError: a value is not a finite number.
+        DatasetError: an array cannot be read.
+    """
+    episode, row = output.before(motion)
+    task = output.motions.index(motion)
+    sentence = task_sentence(output.dataset.motion(motion))
     with (
-        RollingParquet(folder / "data", file_bytes) as data,
-        EpisodeWriter(RollingParquet(folder / "meta" / "episodes")) as episodes,
+        RollingParquet(output.folder / "data", file_bytes) as data,
+        EpisodeWriter(RollingParquet(output.folder / "meta" / "episodes"), sentence) as episodes,
     ):
-        for number, one in enumerate(dataset.trajectories(arrays=arrays)):
-            columns = episode_columns(one, fields, number, rows, tasks.index(one.motion), dataset.rate)
-            check_finite(dataset, one, columns)
-            found = episode_statistics(columns)
-            total = merged_statistics(total, found)
-            episodes.add(one, number, rows, data.place(), found)
+        for number, one in enumerate(trajectories, start=episode):
+            check_finite(output, one)
+            columns = episode_columns(one, output.fields, number, row, task, output.dataset.rate)
+            episodes.add(one, number, row, data.place(), episode_statistics(columns))
             data.write(as_table(columns))
-            rows += one.length
-            if on_trajectory is not None:
-                on_trajectory(number + 1, len(dataset.references))
-    write_tasks(tasks, folder / "meta" / "tasks.parquet")
-    write_json(total.as_json(), folder / "meta" / "stats.json")
-    write_json(information(dataset, fields, rows, len(tasks)), folder / "meta" / "info.json")
-    return fields
+            row += one.length
 
 
-def information(dataset: Dataset, fields: list[Field], rows: int, num_tasks: int) -> dict[str, Any]:
+def finish(output: Output) -> None:
+    """Write what LeRobot keeps of all episodes together."""
+    meta = output.folder / "meta"
+    names = [*(field.name for field in output.fields), *INDEX_FEATURES]
+    total = EpisodeStatistics({})
+    for path in sorted((meta / "episodes").rglob("*.parquet")):
+        for row in pq.read_table(path).to_pylist():
+            total = merged_statistics(total, EpisodeStatistics.from_columns(row, names))
+    write_tasks([task_sentence(output.dataset.motion(name)) for name in output.motions], meta / "tasks.parquet")
+    write_json(total.as_json(), meta / "stats.json")
+    write_json(information(output), meta / "info.json")
+
+
+def information(output: Output) -> dict[str, Any]:
     """Return the content of ``meta/info.json``."""
+    dataset = output.dataset
     features: dict[str, Any] = {
         field.name: {"dtype": "float32", "shape": [len(field.columns)], "names": list(field.columns)}
-        for field in fields
+        for field in output.fields
     }
     features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in INDEX_FEATURES.items()}
     num_episodes = len(dataset.references)
@@ -122,8 +122,8 @@ def information(dataset: Dataset, fields: list[Field], rows: int, num_tasks: int
         "fps": round(dataset.rate),
         "features": features,
         "total_episodes": num_episodes,
-        "total_frames": rows,
-        "total_tasks": num_tasks,
+        "total_frames": dataset.num_rows,
+        "total_tasks": len(output.motions),
         "chunks_size": FILES_A_CHUNK,
         "data_files_size_in_mb": FILE_MEGABYTES,
         "video_files_size_in_mb": 200,
@@ -135,7 +135,7 @@ def information(dataset: Dataset, fields: list[Field], rows: int, num_tasks: int
 
 
 def episode_columns(
-    one: Trajectory, fields: list[Field], episode: int, first_row: int, task: int, rate: float
+    one: Trajectory, fields: Sequence[Field], episode: int, first_row: int, task: int, rate: float
 ) -> dict[str, NDArray[Any]]:
     """Return all features of an episode, those with names of shape [length, num_columns], the others [length]."""
     frames = np.arange(one.length, dtype=np.int64)
@@ -149,34 +149,11 @@ def episode_columns(
     }
 
 
-def check_finite(dataset: Dataset, one: TrajectoryReference, columns: dict[str, NDArray[Any]]) -> None:
-    """Check that an episode holds finite numbers only, without which its statistics would be useless.
-
-    Raises:
-        ExportError: it does not; the message names trajectory, feature and row.
-    """
-    for name, values in columns.items():
-        finite = np.isfinite(values.reshape(one.length, -1)).all(axis=1)
-        if not finite.all():
-            where = f"{dataset.path}/{one.motion}: trajectory {one.index}, row {int(np.argmin(finite))}"
-            raise ExportError(f"{where}: {name} is not finite; leave the motion out, or gather it again")
-
-
-def as_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
-    """Return columns as LeRobot stores them: lists of fixed size, and plain numbers for a single one."""
-    arrays = {}
-    for name, values in columns.items():
-        flat = pa.array(values.reshape(-1))
-        width = 1 if values.ndim == 1 else values.shape[1]
-        arrays[name] = flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
-    return pa.table(arrays)
-
-
 class EpisodeWriter:
     """Writes ``meta/episodes``, a row an episode. Use it as a context manager."""
 
-    def __init__(self, files: RollingParquet) -> None:
-        self.files = files
+    def __init__(self, files: RollingParquet, task: str) -> None:
+        self.files, self.task = files, task
         self._rows: list[dict[str, Any]] = []
 
     def __enter__(self) -> "EpisodeWriter":
@@ -206,16 +183,17 @@ class EpisodeWriter:
         """
         row: dict[str, Any] = {
             "episode_index": episode,
-            "tasks": [one.motion],
+            "tasks": [self.task],
             "length": one.length,
             "data/chunk_index": place[0],
             "data/file_index": place[1],
             "dataset_from_index": first_row,
             "dataset_to_index": first_row + one.length,
+            "motion": one.motion,
             "trajectory": one.index,
         }
         single = {name: np.asarray(value) for name, value in one.values.items() if name != "length"}
-        row |= {f"kine2go/{name}": value.tolist() for name, value in single.items()}
+        row |= {f"{ABOUT_PREFIX}{name}": value.tolist() for name, value in single.items()}
         row |= statistics.as_columns()
         self._rows.append(row)
         if len(self._rows) == EPISODES_A_WRITE:
@@ -249,3 +227,18 @@ def write_tasks(tasks: list[str], path: Path) -> None:
 def write_json(content: Any, path: Path) -> None:
     """Write JSON that people can read."""
     path.write_text(json.dumps(content, indent=4))
+
+
+LEROBOT = Target(
+    title="LeRobot dataset v3.0",
+    write=write_motion,
+    finish=finish,
+    check=check_rate,
+    fields=lerobot_fields,
+    loading=LOADING,
+    time_rule="A row is a control step. An episode is a trajectory, a task the sentence that describes its motion.",
+    about="Columns of `meta/episodes`.",
+    about_prefix=ABOUT_PREFIX,
+    tags=("LeRobot",),
+    data_files="data/*/*.parquet",
+)

@@ -1,6 +1,6 @@
 """Statistics as LeRobot keeps them: of each episode, and of all together."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.statistics import Moments, compute_moments, merge
 
+FIGURES = ("min", "max", "mean", "std")
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 
@@ -38,6 +39,24 @@ class EpisodeStatistics:
     """All features in figures, of one episode or of several."""
 
     features: Mapping[str, FeatureStatistics]
+
+    @classmethod
+    def from_columns(cls, row: Mapping[str, Any], names: Iterable[str]) -> "EpisodeStatistics":
+        """Return what ``as_columns`` made columns of.
+
+        Args:
+            row: A row of ``meta/episodes``.
+            names: The features.
+        """
+        features = {}
+        for name in names:
+            known = {figure: np.asarray(row[f"stats/{name}/{figure}"]) for figure in (*FIGURES, *QUANTILES)}
+            rows = int(row[f"stats/{name}/count"][0])
+            count = np.full(known["mean"].shape, rows)
+            squares = rows * known["std"] ** 2
+            moments = Moments(count, known["mean"], squares, known["min"], known["max"])
+            features[name] = FeatureStatistics(rows, moments, np.stack([known[figure] for figure in QUANTILES]))
+        return cls(features)
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of ``meta/stats.json``."""

@@ -1,16 +1,16 @@
 """One .npz file a trajectory, for anyone with NumPy."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kine2go_warp.dataset.access import Dataset
-from kine2go_warp.dataset.motion import Motion
-from kine2go_warp.exports.fields import Field, array_field
+from kine2go_warp.dataset.motion import Motion, Trajectory
+from kine2go_warp.exports.features import Field, stored
+from kine2go_warp.exports.target import Output, Target
 
 LOADING = """\
 import json
@@ -22,37 +22,30 @@ with np.load("{motion}/trajectory-0000.npz", allow_pickle=False) as file:
 """
 
 
-def write_npz(dataset: Dataset, folder: Path, on_trajectory: Callable[[int, int], None] | None = None) -> list[Field]:
+def npz_fields(motion: Motion) -> list[Field]:
+    """Return the row arrays, all as they are."""
+    return [stored(motion, name) for name in motion.row_arrays]
+
+
+def write_motion(output: Output, name: str, trajectories: Iterator[Trajectory]) -> None:
     """Write every trajectory as ``MOTION/trajectory-NNNN.npz``, NNNN being its index in the dataset.
 
     A file holds each row array, cut to the trajectory's length, each array of trajectories (``noise``,
     ``quality/joint_rmse``), ``time``, and ``attributes``: a text with all attributes as JSON.
 
-    Args:
-        dataset: What to write.
-        folder: Where; it exists and is empty.
-        on_trajectory: Called with the trajectories written and their total.
-
-    Returns:
-        The fields with one entry a row.
-
     Raises:
         DatasetError: an array cannot be read.
     """
-    for done, one in enumerate(dataset.trajectories(), start=1):
-        motion = dataset.motion(one.motion)
-        path = folder / one.motion / f"trajectory-{one.index:04d}.npz"
+    motion = output.dataset.motion(name)
+    text = np.array(json.dumps(attributes(output.dataset, motion)))
+    for one in trajectories:
+        path = output.folder / name / f"trajectory-{one.index:04d}.npz"
         path.parent.mkdir(exist_ok=True)
         content = {name: np.asarray(value) for name, value in one.values.items()}
         content |= {name: np.ascontiguousarray(values) for name, values in one.arrays.items()}
-        content["time"] = motion.time[: one.length]
-        content["attributes"] = np.array(json.dumps(attributes(dataset, motion)))
+        content |= {"time": motion.time[: one.length], "attributes": text}
         with path.open("wb") as file:
             np.savez(file, allow_pickle=False, **content)
-        if on_trajectory is not None:
-            on_trajectory(done, len(dataset.references))
-    first = dataset.motion(dataset.references[0].motion)
-    return [array_field(first, name) for name in first.row_arrays]
 
 
 def attributes(dataset: Dataset, motion: Motion) -> dict[str, Any]:
@@ -64,3 +57,12 @@ def attributes(dataset: Dataset, motion: Motion) -> dict[str, Any]:
         "arrays": {name: asdict(spec) for name, spec in motion.arrays.items()},
         "labels": {name: list(motion.labels(name)) for name in labelled if name != "trajectory"},
     }
+
+
+NPZ = Target(
+    title="one .npz file a trajectory",
+    write=write_motion,
+    fields=npz_fields,
+    loading=LOADING,
+    about="Arrays of each file.",
+)

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 FILES_A_CHUNK = 1000
 """Files in a folder, LeRobot's ``chunks_size``."""
@@ -17,14 +19,14 @@ class RollingParquet:
     """Writes tables one after the other, each a row group. Use it as a context manager."""
 
     def __init__(self, folder: Path, file_bytes: int = FILE_MEGABYTES * 2**20) -> None:
-        """Prepare to write.
+        """Prepare to write, after the files that are there.
 
         Args:
             folder: Where ``chunk-000/file-000.parquet`` and so on will be.
             file_bytes: Size at which the next file begins.
         """
         self.folder, self.file_bytes = folder, file_bytes
-        self._number = -1
+        self._number = sum(1 for _ in folder.rglob("*.parquet")) - 1
         self._file: pa.NativeFile | None = None
         self._writer: pq.ParquetWriter | None = None
 
@@ -61,3 +63,13 @@ class RollingParquet:
         if self._file is not None:
             self._file.close()
         self._writer = self._file = None
+
+
+def as_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
+    """Return columns as lists of fixed size; those of shape [num_rows] or [num_rows, 1] as plain numbers."""
+    arrays = {}
+    for name, values in columns.items():
+        flat = pa.array(values.reshape(-1))
+        width = 1 if values.ndim == 1 else values.shape[1]
+        arrays[name] = flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
+    return pa.table(arrays)

@@ -21,7 +21,7 @@ from kine2go_warp.toml import place_in, read_toml
 DIALECTS_FILE = Path(__file__).with_name("dialects.toml")
 
 PointFormat = Literal["bvh", "c3d", "table", "arrays"]
-JointFormat = Literal["frames", "pickle", "joint_table", "joint_arrays"]
+JointFormat = Literal["frames", "pickle", "joint_table", "joint_arrays", "torch"]
 Unit = Literal["metres", "centimetres", "millimetres", "inches", "feet"]
 
 
@@ -67,7 +67,8 @@ class JointsDialect:
     """A file of the base and the joints of a robot with three joints a leg, such as the Go2."""
 
     format: JointFormat
-    """``frames``: JSON; ``joint_table``: CSV with a line of names; ``joint_arrays``: ``.npz`` like our own."""
+    """``frames``: JSON; ``joint_table``: CSV with a line of names; ``joint_arrays``: ``.npz`` like our own, or mjlab's;
+    ``torch``: ``.motion`` of ProtoMotions."""
     robots: tuple[str, ...]
     """Whose joints they may be. Where there are columns of toes, the robot that fits them is taken, else the first."""
     position: tuple[str, ...]

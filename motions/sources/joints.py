@@ -16,7 +16,7 @@ from kine2go_warp.motions.examination import check_angles, check_height
 from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.dialects import JointsDialect, robot_of_files
-from kine2go_warp.motions.sources.joint_files import Rows, read_arrays, read_frames, read_pickle, read_table
+from kine2go_warp.motions.sources.joint_files import Rows, read_arrays, read_frames, read_pickle, read_table, read_torch
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import HasLegs, foot_positions
 from kine2go_warp.robots.spec import GO2_LEG_LENGTH, GO2_THIGH_OFFSET
@@ -24,7 +24,13 @@ from kine2go_warp.rotations import heading, turn_planar
 
 Array = NDArray[np.float64]
 
-READERS = {"frames": read_frames, "pickle": read_pickle, "joint_table": read_table, "joint_arrays": read_arrays}
+READERS = {
+    "frames": read_frames,
+    "pickle": read_pickle,
+    "joint_table": read_table,
+    "joint_arrays": read_arrays,
+    "torch": read_torch,
+}
 ORDERS = tuple(tuple(order.split()) for order in ("FL FR RL RR", "FR FL RR RL", "RL RR FL FR", "RR RL FR FL"))
 """Orders of the legs that are tried where the file does not tell."""
 FITS = 0.03

@@ -49,6 +49,7 @@ KINDS = {
     "c3d": "a C3D file",
     "frames": "a JSON file",
     "pickle": "a pickle",
+    "torch": "a file of torch",
     "table": "a table",
     "parquet": "a Parquet file",
     "arrays": "an .npz",
@@ -58,7 +59,7 @@ KINDS = {
 def candidates(path: Path, sources: Mapping[str, MotionSource]) -> tuple[str, list[str], list[MotionSource]]:
     """Return a file's format, the names of its points or columns, and the sources that may be meant for it."""
     format_ = format_of(path)
-    if format_ in ("frames", "pickle"):
+    if format_ in ("frames", "pickle", "torch"):
         rows = READERS[format_](path)
         return format_, [], [one for one in _of(sources, format_) if one.takes(rows)]
     names = names_in(path, format_)
@@ -69,7 +70,7 @@ def candidates(path: Path, sources: Mapping[str, MotionSource]) -> tuple[str, li
         and one.dialect.format == ("table" if format_ == "parquet" else format_)
         and one.takes(names)
     ]
-    if format_ == "arrays" and {"root_position", "joint_position"} <= set(names):
+    if format_ == "arrays" and ({"root_position", "joint_position"} <= set(names) or "body_pos_w" in names):
         found += _of(sources, "joint_arrays")
     if format_ == "table":
         lines = read_lines(path)
@@ -88,7 +89,7 @@ def format_of(path: Path) -> str:
     """Return a key of ``KINDS``, by how a file begins."""
     content = read_bytes(path)
     if content.startswith(ZIP):
-        return "arrays"
+        return "torch" if path.suffix.lower() == ".motion" else "arrays"
     if content.startswith(PICKLE):
         return "pickle"
     if content.startswith(PARQUET):

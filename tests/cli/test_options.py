@@ -60,7 +60,7 @@ def test_names_of_files_are_said_in_help(capsys):
     assert "DATASET|CLIP [MOTION ...]" in help_of("dataset review", capsys)
     assert "CLIP [CLIP ...]" in help_of("policy train", capsys)
     assert "RECIPE" in help_of("run", capsys)
-    assert "--format {lerobot,npz}" in help_of("dataset export", capsys)
+    assert "--format {lerobot,minari,robomimic,d4rl,motivo,parquet,npz,mjlab," in help_of("dataset export", capsys)
 
 
 def test_boxes_of_lines_are_read_as_those_of_ascii():

@@ -11,13 +11,13 @@ from kine2go_warp.env import model
 from kine2go_warp.env.config import ActionConfig, MotorConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot, mujoco_model
-from kine2go_warp.env.simulation import GRAVITY
+from kine2go_warp.env.simulation import GRAVITY, Simulation
 from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.env.terms.terminations import with_limits
-from kine2go_warp.learning.presets import FAST
+from kine2go_warp.learning.presets import FAST, PAPER, ROBUST
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.spec import FRICTION_STIFFNESS
-from tests.env.helpers import STILL, drive
+from tests.env.helpers import STILL, assert_same_bits, drive
 
 ENDLESS = with_limits(1e3, 10.0)
 
@@ -271,12 +271,39 @@ def test_a_joint_turned_from_stop_to_stop_never_exceeds_its_motors_speed(standin
 def test_the_integrators_joint_damping_changes_nothing_on_joints_without_damping(clip, small_config, monkeypatch):
     """MuJoCo's ``EULERDAMP`` is switched off: it would factorise the mass matrix a second time for nothing."""
     without = drive(ImitationEnvironment([clip], small_config, "cpu"), 20, seed=3)
-    monkeypatch.setattr(model, "NO_DAMPING", 0)
+    monkeypatch.setattr(model, "ABSENT", 0)
     damped = ImitationEnvironment([clip], small_config, "cpu")
     assert not damped.simulation.solver.mjw_model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     for one, other in zip(without, drive(damped, 20, seed=3), strict=True):
         np.testing.assert_allclose(one["joint_q"], other["joint_q"], atol=2e-5)
         assert np.array_equal(one["done"], other["done"])
+
+
+def newtons_own_step(self, motors, reference_step):
+    """The substeps of a control step by Newton's public interface, from one of its states to another."""
+    states, control = [self.model.state(), self.model.state()], self.model.control()
+    views = [(state.joint_q.reshape((-1, 19)), state.joint_qd.reshape((-1, 18))) for state in states]
+    for view, mine in zip(views[0], (self.robot.joint_q, self.robot.joint_qd), strict=True):
+        view.assign(mine)
+    for substep in range(self.config.substeps):
+        now = substep % 2
+        motors.apply(substep, reference_step, *views[now], control.joint_f.reshape((-1, 18)))
+        self.solver.step(states[now], states[1 - now], control, None, self.config.substep_duration)
+    for view, mine in zip(views[0], (self.robot.joint_q, self.robot.joint_qd), strict=True):
+        mine.assign(view)
+
+
+@pytest.mark.parametrize("preset", [FAST, ROBUST, PAPER], ids=["fast", "robust", "paper"])
+def test_a_control_step_is_that_of_newtons_own_solver_bit_for_bit(clip, monkeypatch, preset):
+    """Neither stepping MuJoCo Warp directly nor leaving out what the robot has none of changes a bit."""
+    config = replace(preset.env, num_worlds=4, episode_time=0.3)
+    lean = drive(ImitationEnvironment([clip], config, "cpu", use_graph=False), 30, seed=4)
+    assert sum(step["done"].sum() for step in lean) > 0, "episodes must begin anew"
+    monkeypatch.setattr(model, "ABSENT", int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
+    monkeypatch.setattr(Simulation, "advance", newtons_own_step)
+    full = ImitationEnvironment([clip], config, "cpu", use_graph=False)
+    assert not full.simulation.solver.mjw_model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SPRING)
+    assert_same_bits(lean, drive(full, 30, seed=4))
 
 
 def test_the_reference_keeps_to_the_motors_torque_speed_line(clip):

@@ -1,4 +1,4 @@
-"""A small dataset of two motions with licences of their own."""
+"""A small dataset of two motions of one licence."""
 
 import shutil
 
@@ -12,7 +12,7 @@ from tests.dataset.test_store import SIMULATION, made_up
 
 ORIGINS = {
     "one": {"source": "ai4animation", "licence": "CC BY-NC 4.0", "citation": "Zhang et al., 2018", "rejected": {}},
-    "two": {"source": "vhdc", "licence": "CC BY-SA 4.0", "citation": "Horses, 2020", "rejected": {"distance": 2}},
+    "two": {"source": "vhdc", "licence": "CC BY-NC 4.0", "citation": "Horses, 2020", "rejected": {"distance": 2}},
 }
 
 LENGTHS = (20, 15, 20)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,10 +15,12 @@ from kine2go_warp.dataset.schema import QUALITY_ARRAYS, ROW_ARRAYS, TRAJECTORY_A
 from kine2go_warp.dataset.writer import consolidate, write_array
 from kine2go_warp.errors import ExportError
 from kine2go_warp.exports import export as export_module
-from kine2go_warp.exports.export import FORMATS, export_dataset
-from tests.exports.conftest import ORIGINS
+from kine2go_warp.exports.export import FORMATS, export_dataset, target_named
+from kine2go_warp.exports.journal import resumable
+from tests.exports.conftest import LENGTHS, ORIGINS
 
-both_formats = pytest.mark.parametrize("form", FORMATS)
+both_formats = pytest.mark.parametrize("form", ["lerobot", "npz"])
+every_format = pytest.mark.parametrize("form", FORMATS)
 
 
 def card_of(store, form, folder, motions=()):
@@ -40,8 +43,101 @@ def test_the_card_gives_licence_and_citation_of_each_motion(store, form, tmp_pat
     card = card_of(store, form, tmp_path / "out")
     for motion, origin in ORIGINS.items():
         assert f"| `{motion}` | {origin['source']} | {origin['licence']} | {origin['citation']} |" in card
-    assert "\nlicense: other\n" in card
-    assert "\nlicense: cc-by-sa-4.0\n" in card_of(store, form, tmp_path / "horses", ["two"])
+    assert "\nlicense: cc-by-nc-4.0\n" in card
+
+
+def test_motions_of_two_licences_never_end_in_one_folder(store, written, tmp_path):
+    for motion, licence in (("one", "CC BY-NC 4.0"), ("two", "CC BY-SA 4.0")):
+        zarr.open_group(store / motion, mode="a").attrs["licence"] = licence
+    for form in FORMATS:
+        out = tmp_path / form
+        record = export_dataset(store, form, out)
+        assert record.parts == {"CC BY-NC 4.0": "cc-by-nc-4.0", "CC BY-SA 4.0": "cc-by-sa-4.0"}
+        for motion, other, folder in (("one", "two", "cc-by-nc-4.0"), ("two", "one", "cc-by-sa-4.0")):
+            card = (out / folder / "README.md").read_text()
+            assert f"\nlicense: {folder}\n" in card
+            assert f"| `{motion}` | 3 |" in card
+            assert f"`{other}`" not in card
+            assert f"| [{folder}]({folder}/README.md) | " in (out / "README.md").read_text()
+        assert sorted(path.name for path in out.iterdir()) == [
+            "README.md", "cc-by-nc-4.0", "cc-by-sa-4.0", "export.json",
+        ]  # fmt: skip
+    state = pq.read_table(tmp_path / "parquet" / "cc-by-sa-4.0" / "data")["observation.state"].combine_chunks()
+    np.testing.assert_array_equal(state.flatten().to_numpy().reshape(-1, 34)[:, 0], written_heights(written["two"]))
+
+
+def written_heights(data):
+    return np.concatenate([data.rows["root_position"][index, :length, 2] for index, length in enumerate(LENGTHS)])
+
+
+@every_format
+def test_the_card_says_time_rule_frames_joint_order_limits_and_versions(store, form, tmp_path):
+    attributes = zarr.open_group(store / "one", mode="a").attrs
+    limits = {"joint_lower": [-1.5] * 12, "joint_upper": [1.25] * 12, "motor_limits": {"driving": [23.0] * 12}}
+    attributes["simulation"] = json.dumps({"engine": "MuJoCo Warp", "packages": {"newton": "9.8.7"}, **limits})
+    card = card_of(store, form, tmp_path / "out")
+    assert target_named(form).time_rule in card
+    assert "| 3 | `FR_hip_joint` | 0 | 0.0 | -1.5 | 1.25 | 23 | - |" in card
+    assert "- engine: MuJoCo Warp\n- versions: newton 9.8.7" in card
+    assert "World frame: z up" in card
+    if form != "npz":
+        assert re.search(r"\| gravity \| 3 \| 1 \| direction of gravity \| base \|", card)
+
+
+@pytest.mark.parametrize("form", ["lerobot", "minari", "parquet"])
+def test_an_interrupted_export_goes_on_where_it_was(store, form, tmp_path, monkeypatch):
+    export_dataset(store, form, tmp_path / "whole")
+    target = target_named(form)
+    written = []
+
+    def write(output, name, trajectories):
+        written.append(name)
+        if written == ["one", "two"]:
+            next(trajectories)
+            (output.folder / "data").mkdir(exist_ok=True)
+            (output.folder / "data" / "half.parquet").write_text("half")
+            raise KeyboardInterrupt
+        target.write(output, name, trajectories)
+
+    monkeypatch.setattr(export_module, "target_named", lambda _: replace(target, write=write))
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset(store, form, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    seen = []
+    export_dataset(store, form, tmp_path / "out", on_trajectory=lambda done, total: seen.append((done, total)))
+    assert written == ["one", "two", "two"]
+    assert seen == [(3, 6), (4, 6), (5, 6), (6, 6)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dataset.zarr", "out", "whole"]
+    files = {path.relative_to(tmp_path / "whole") for path in (tmp_path / "whole").rglob("*") if path.is_file()}
+    assert {path.relative_to(tmp_path / "out") for path in (tmp_path / "out").rglob("*") if path.is_file()} == files
+    for path in files:
+        same = (tmp_path / "whole" / path).read_bytes() == (tmp_path / "out" / path).read_bytes()
+        assert same or path.suffix == ".hdf5", path  # which notes the time of writing
+
+
+def test_an_interrupted_export_of_other_content_begins_anew(store, tmp_path, monkeypatch):
+    target = target_named("npz")
+
+    def write(output, name, trajectories):
+        if name == "two":
+            raise KeyboardInterrupt
+        target.write(output, name, trajectories)
+
+    monkeypatch.setattr(export_module, "target_named", lambda _: replace(target, write=write))
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset(store, "npz", tmp_path / "out")
+    monkeypatch.undo()
+    zarr.open_group(store / "one", mode="a").attrs["citation"] = "another one"
+    export_dataset(store, "npz", tmp_path / "out", ["one"])
+    assert "another one" in (tmp_path / "out" / "README.md").read_text()
+    assert not (tmp_path / "out" / "two").exists()
+
+
+def test_two_processes_do_not_export_to_one_folder(store, tmp_path):
+    with resumable(tmp_path / "out", "another export") as journal:
+        (journal.data / "file").write_text("")
+        with pytest.raises(ExportError, match="another process is exporting"):
+            export_dataset(store, "npz", tmp_path / "out")
 
 
 def test_the_card_counts_what_is_there_and_gives_the_stored_quality(store, tmp_path):
@@ -126,7 +222,7 @@ def test_whatever_else_is_stored_once_a_trajectory_goes_along(store, tmp_path):
     with np.load(tmp_path / "npz" / "two" / "trajectory-0001.npz", allow_pickle=False) as file:
         np.testing.assert_array_equal(file["bodies/mass"], masses[1])
     card_of(store, "lerobot", tmp_path / "lerobot")
-    episodes = pq.read_table(tmp_path / "lerobot" / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    episodes = pq.read_table(tmp_path / "lerobot" / "meta" / "episodes")
     assert episodes["kine2go/bodies/mass"].to_pylist() == masses.tolist() * 2
 
 
@@ -154,7 +250,7 @@ def test_a_dataset_may_be_the_folder_one_stands_in(store, monkeypatch):
 BAD_INPUT = {
     "no dataset": (["nowhere.zarr"], "no dataset here"),
     "unknown motion": (["dataset.zarr", "three"], "holds no motion 'three'; it has: one, two"),
-    "unknown format": (["dataset.zarr", "--format", "csv"], "unknown format 'csv'; known are: lerobot, npz"),
+    "unknown format": (["dataset.zarr", "--format", "csv"], "unknown format 'csv'; known are: lerobot, minari, "),
     "a folder without a name": (["dataset.zarr", "--out", "."], "give it a name with --out"),
     "no export to replace": (["dataset.zarr", "--out", "dataset.zarr", "--overwrite"], "exists and is no export"),
 }

@@ -1,8 +1,8 @@
-"""The LeRobot export, read with pyarrow alone, and with LeRobot itself where there is one."""
+"""The LeRobot export, read with pyarrow alone; ``loaders`` reads it with LeRobot itself."""
 
 import json
-import os
-import subprocess
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +11,15 @@ import pyarrow.parquet as pq
 import pytest
 import zarr
 
-from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.schema import ROW_ARRAYS, TRAJECTORY_ARRAYS
 from kine2go_warp.errors import ExportError
+from kine2go_warp.exports import export as export_module
 from kine2go_warp.exports.export import export_dataset
-from kine2go_warp.exports.lerobot import STATE_ARRAYS, write_lerobot
+from kine2go_warp.exports.lerobot import LEROBOT, write_motion
 from kine2go_warp.exports.rolling import RollingParquet
 from kine2go_warp.robots import GO2
 from tests.exports.conftest import LENGTHS, valid_rows
-
-LEROBOT_PYTHON = "KINE2GO_LEROBOT_PYTHON"
-"""Environment variable: the Python of an environment with lerobot[dataset] and zarr."""
+from tests.exports.loaders import DERIVED, trajectories
 
 STARTS = [0, 20, 35, 55, 75, 90]
 
@@ -49,18 +47,18 @@ def read_info(folder: Path) -> dict:
 
 
 def read_episodes(folder: Path) -> list[dict]:
-    return pq.read_table(folder / "meta" / "episodes" / "chunk-000" / "file-000.parquet").to_pylist()
+    return pq.read_table(folder / "meta" / "episodes").to_pylist()
 
 
-def test_every_number_is_that_of_the_dataset(export, written):
+def test_every_number_is_that_of_the_dataset(export, written, store):
     data = read_data(export)
-    state = np.concatenate([valid_rows(written, name) for name in STATE_ARRAYS], axis=1)
-    np.testing.assert_array_equal(data["observation.state"], state)
+    expected = [rows for motion in ("one", "two") for rows in trajectories(store, motion)]
+    for name, source in (("observation.state", "state"), ("observation.environment_state", "goal")):
+        np.testing.assert_allclose(data[name], np.concatenate([rows[source] for rows in expected]), atol=DERIVED)
     for array in ROW_ARRAYS:
-        if array.name not in STATE_ARRAYS:
-            name = "policy.action_mean" if array.name == "action_mean" else array.name
-            assert data[name].dtype == np.float32
-            np.testing.assert_array_equal(data[name], valid_rows(written, array.name))
+        name = "policy.action_mean" if array.name == "action_mean" else array.name
+        assert data[name].dtype == np.float32
+        np.testing.assert_array_equal(data[name], valid_rows(written, array.name))
 
 
 def test_indices_count_rows_episodes_and_tasks(export):
@@ -84,27 +82,31 @@ def test_info_describes_the_columns_that_are_there(export):
         assert feature["dtype"] == str(data[name].dtype), name
         assert feature["names"] is None or len(feature["names"]) == feature["shape"][0], name
     state = info["features"]["observation.state"]["names"]
-    assert state[:5] == [*(f"root_orientation.{axis}" for axis in "wxyz"), "root_linear_velocity.x"]
+    assert state[:5] == ["height", *(f"gravity.{axis}" for axis in "xyz"), "linear_velocity.x"]
     assert info["features"]["action"]["names"] == list(GO2.joint_names)
 
 
 def test_lerobot_takes_the_state_and_the_action_alone_for_those_of_the_policy(export):
     names = read_info(export)["features"]
-    assert [name for name in names if name.startswith("observation")] == ["observation.state"]
+    assert [name for name in names if name.startswith("observation")] == [
+        "observation.state", "observation.environment_state",
+    ]  # fmt: skip
     assert [name for name in names if name.startswith("action")] == ["action"]
 
 
 def test_episodes_tell_where_their_rows_are_and_how_they_were_drawn(export, written):
     episodes, info = read_episodes(export), read_info(export)
     assert [one["episode_index"] for one in episodes] == list(range(6))
-    assert [one["tasks"] for one in episodes] == [["one"]] * 3 + [["two"]] * 3
+    assert [one["motion"] for one in episodes] == ["one"] * 3 + ["two"] * 3
+    assert len({one["tasks"][0] for one in episodes}) == 2
+    assert all(len(one["tasks"]) == 1 for one in episodes)
     assert [one["dataset_from_index"] for one in episodes] == STARTS
     assert [one["dataset_to_index"] for one in episodes] == [*STARTS[1:], 110]
     for one in episodes:
         path = export / info["data_path"].format(chunk_index=one["data/chunk_index"], file_index=one["data/file_index"])
         rows = pq.read_table(path, filters=[("episode_index", "=", one["episode_index"])])
         assert len(rows) == one["length"]
-        draws = written[one["tasks"][0]].draws
+        draws = written[one["motion"]].draws
         for array in TRAJECTORY_ARRAYS:
             if array.name != "length":
                 drawn = draws[array.name][one["trajectory"]]
@@ -134,15 +136,19 @@ def test_statistics_agree_with_numpy(export):
 def test_tasks_are_a_table_of_pandas_with_the_text_as_index(export):
     pandas = pytest.importorskip("pandas")
     tasks = pandas.read_parquet(export / "meta" / "tasks.parquet")
-    assert list(tasks.index) == ["one", "two"]
+    assert [re.sub(r": .*", "", task) for task in tasks.index] == ["Repeat the motion one", "Repeat the motion two"]
     assert list(tasks["task_index"]) == [0, 1]
-    assert tasks.iloc[1].name == "two"
+    assert [one["tasks"][0] for one in read_episodes(export)[::3]] == list(tasks.index)
 
 
-def test_large_data_are_cut_into_files_between_episodes(store, tmp_path, written):
+def write_small(output, motion, some):
+    write_motion(output, motion, some, file_bytes=30_000)
+
+
+def test_large_data_are_cut_into_files_between_episodes(store, tmp_path, written, monkeypatch):
     folder = tmp_path / "cut"
-    folder.mkdir()
-    write_lerobot(open_dataset(store), folder, file_bytes=30_000)
+    monkeypatch.setattr(export_module, "target_named", lambda _: replace(LEROBOT, write=write_small))
+    export_dataset(store, "lerobot", folder)
     files = sorted(path.name for path in (folder / "data" / "chunk-000").iterdir())
     assert len(files) > 1
     places = [one["data/file_index"] for one in read_episodes(folder)]
@@ -174,13 +180,3 @@ def test_what_is_not_finite_is_named(store, tmp_path):
     with pytest.raises(ExportError, match="two: trajectory 1, row 7: joint_torque is not finite"):
         export_dataset(store, "lerobot", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == [store.name]
-
-
-def test_lerobot_itself_reads_every_row(export, store):
-    python = os.environ.get(LEROBOT_PYTHON)
-    if python is None:
-        pytest.skip(f"no LeRobot: name the Python of an environment with it in {LEROBOT_PYTHON} (docs/loading.md)")
-    script = Path(__file__).with_name("check_lerobot.py")
-    result = subprocess.run([python, script, export, store], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    assert "110 rows of 6 episodes" in result.stdout

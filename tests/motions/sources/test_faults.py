@@ -243,6 +243,13 @@ def robot_file(folder: Path, name: str, position, rotation, joints) -> Path:
     if name == "mimickit":
         rows = np.concatenate([position, rotation.as_rotvec(), flat], axis=1)
         return write_pickle(path, {"fps": RATE, "frames": rows.tolist()})
+    if name == "humanoidverse":
+        motion = {"root_trans_offset": position, "root_rot": rotation.as_quat(), "dof": flat, "fps": RATE}
+        return write_pickle(path, {"trot": motion})
+    if name == "protomotions":
+        base = {"rigid_body_pos": position[:, None], "rigid_body_rot": rotation.as_quat()[:, None], "dof_pos": flat}
+        torch.save({**{key: torch.tensor(values) for key, values in base.items()}, "fps": RATE}, path)
+        return path
     if name == "clip":
         with path.open("wb") as file:
             orientation, time = rotation.as_quat(scalar_first=True), np.arange(len(position)) / RATE
@@ -264,7 +271,10 @@ def solo8_file(folder: Path, position, rotation, joints) -> Path:
     return folder / "solo8.pt:0"
 
 
-ROBOTS = ("joints", "max", "laikago", "amp", "mimickit", "apex", "joint_table", "clip", "solo8")
+ROBOTS = (
+    *("joints", "max", "laikago", "amp", "mimickit", "humanoidverse", "protomotions"),
+    *("apex", "joint_table", "clip", "solo8"),
+)
 
 
 @pytest.fixture(params=ROBOTS)
