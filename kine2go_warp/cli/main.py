@@ -38,6 +38,7 @@ COMMANDS = {
     "dataset report": "report_command:Report",
     "dataset render": "render_command:Render",
     "dataset export": "export_command:Export",
+    "dataset publish": "publish_command:Publish",
     "doctor": "commands:Doctor",
     "bench": "bench_command:Bench",
 }
