@@ -61,6 +61,12 @@ def driver_too_old() -> str:
     )
 
 
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether torch, Warp or Python says that memory is used up; torch and Warp have no error in common."""
+    kinds = ("OutOfMemoryError", "MemoryError")
+    return error.__class__.__name__ in kinds or str(error).startswith("Failed to allocate")
+
+
 @contextlib.contextmanager
 def fitting(num_worlds: int, device: str) -> Iterator[None]:
     """Say how many worlds to try where a batch does not fit into the memory.
@@ -71,8 +77,7 @@ def fitting(num_worlds: int, device: str) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, MemoryError) as error:
-        kind, text = error.__class__.__name__, str(error)
-        if kind not in ("OutOfMemoryError", "MemoryError") and not text.startswith("Failed to allocate"):
+        if not is_out_of_memory(error):
             raise
         fewer = f"try {num_worlds // 2}" if num_worlds > 1 else "free some"
         raise Kine2GoError(f"{num_worlds} world(s) do not fit into the memory of {device}; {fewer}") from None

@@ -42,7 +42,12 @@ def named_extras() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        extras = extras_with(error.name or "")
+        import importlib.metadata
+
+        try:
+            extras = extras_with(error.name or "")
+        except importlib.metadata.PackageNotFoundError:
+            raise MissingExtraError(f"{error.name} is not installed", name=error.name) from None
         if not extras:
             raise
         raise MissingExtraError(

@@ -16,7 +16,10 @@ def machine(device: str) -> dict[str, str]:
     import warp as wp
 
     start_warp()
+    driver = wp.get_cuda_driver_version()
     found = {"processor": processor_name(), "device": wp.get_device(device).name, "python": platform.python_version()}
+    if driver is not None:
+        found["driver"] = f"CUDA {driver[0]}.{driver[1]}"
     return {**found, **package_versions(), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
 
 

@@ -2,13 +2,14 @@
 
 import ast
 import graphlib
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import REPOSITORY
+from tests.conftest import COMMITTED_CLIP, REPOSITORY
 
 LEAVES = {
     "kine2go_warp",
@@ -174,18 +175,19 @@ import importlib.machinery
 
 find_spec = importlib.machinery.PathFinder.find_spec
 
-def find_others(name, path=None, target=None):
+def find_others(_, name, path=None, target=None):
     return None if name.split(".")[0] in {packages!r} else find_spec(name, path, target)
 
-importlib.machinery.PathFinder.find_spec = staticmethod(find_others)
+importlib.machinery.PathFinder.find_spec = classmethod(find_others)
 """
 
 
-def run_without(packages: tuple[str, ...], script: str, folder: Path) -> None:
-    """Run a script in a process in which some packages are not there."""
+def run_without(packages: tuple[str, ...], script: str, folder: Path) -> str:
+    """Run a script in a process in which some packages are not there, and return what it prints."""
     command = [sys.executable, "-c", HIDE.format(packages=packages) + script]
     result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
 
 
 def test_retargeting_needs_no_torch_and_no_simulator(tmp_path):
@@ -193,16 +195,38 @@ def test_retargeting_needs_no_torch_and_no_simulator(tmp_path):
     run_without(("torch", "newton", "warp", "rsl_rl", "zarr", "rerun"), script, tmp_path)
 
 
-def test_training_and_gathering_need_neither_placo_nor_rerun(clip, tmp_path):
-    clip.save(tmp_path / "dog_trot.npz")
+NOT_ON_A_GPU_NODE = (
+    *("placo", "pinocchio", "ezc3d"),
+    *("rerun", "av", "jinja2", "pyarrow", "onnx", "onnxruntime", "onnxscript", "gymnasium"),
+    *("playwright", "xarray", "netCDF4"),
+)
+"""Packages of other extras than ``train``, and of the tests of those."""
+
+
+def test_a_gpu_node_trains_gathers_evaluates_replays_and_measures_with_the_extra_train_alone(tmp_path):
+    shutil.copy(COMMITTED_CLIP, tmp_path)
     script = """
 from kine2go_warp.cli.main import main
 assert main("train dog_trot.npz --out policy --device cpu --iterations 1 --num-worlds 4".split()) == 0
 assert main("gather policy --out data.zarr --device cpu --trajectories 2 --rows 5 --max-distance 9 --max-angle 4"
             " --max-joint-rmse 9 --max-leg-contact 2 --max-foot-slip 99 --max-joint-jerk 1e9"
             " --max-joint-limit 2 --max-torque-saturation 2 --max-action-saturation 2".split()) == 0
+assert main("replay data.zarr dog_trot --device cpu".split()) == 0
+assert main("eval policy --device cpu --worlds 2 --seconds 0.5".split()) == 0
+assert main("bench env train --clip dog_trot.npz --device cpu --num-worlds 4 --repeats 1 --steps 2".split()) == 0
 """
-    run_without(("placo", "pinocchio", "rerun"), script, tmp_path)
+    run_without(NOT_ON_A_GPU_NODE, script, tmp_path)
+
+
+def test_the_tests_of_a_gpu_are_found_without_the_tools_of_other_stages():
+    script = """
+import sys, pytest
+sys.exit(pytest.main("-m gpu --collect-only -q -p no:cacheprovider -W ignore tests".split()))
+"""
+    found = run_without(NOT_ON_A_GPU_NODE, script, REPOSITORY)
+    for name in ("env/test_gpu.py", "env/test_graph.py", "training/test_resume.py"):
+        assert f"tests/{name}" in found
+    assert "error" not in found.lower()
 
 
 def test_driving_a_robot_with_an_exported_policy_needs_no_simulator_and_no_torch(exported, tmp_path):

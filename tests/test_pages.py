@@ -1,15 +1,79 @@
 """Pages that repeat what the code says."""
 
+import ast
 import re
 
+import pytest
+
 from tests.conftest import REPOSITORY
+from tests.test_first_hour import FENCE, PAGES
+
+LEAST_WORDS = 9
+"""Letters that a text must have of its own to be told from others."""
+
+SHORT = ("up to date", "trajectory rejected")
+"""Ends of sentences that are made of values alone."""
+
+
+def source_files() -> list[str]:
+    """The texts of the package's files."""
+    rooms = ("kine2go_warp", "kernels", "motions", "pipelines", "robots")
+    files = {path.resolve() for room in rooms for path in (REPOSITORY / room).rglob("*.py")}
+    return [path.read_text() for path in sorted(files)]
 
 
 def source_texts() -> str:
     """The texts of the package, those that a line break parts joined."""
-    rooms = ("kine2go_warp", "kernels", "motions", "pipelines", "robots")
-    files = {path.resolve() for room in rooms for path in (REPOSITORY / room).rglob("*.py")}
-    return "\n".join(re.sub(r'"\s*\n\s*f?"', "", path.read_text()) for path in sorted(files))
+    return "\n".join(re.sub(r'"\s*\n\s*f?"', "", text) for text in source_files())
+
+
+@pytest.fixture(scope="module")
+def printed():
+    """Patterns of the sentences that the package can print, with anything in the place of values."""
+    patterns = set()
+    for node in (node for text in source_files() for node in ast.walk(ast.parse(text))):
+        if isinstance(node, ast.JoinedStr):
+            parts = [one.value if isinstance(one, ast.Constant) else None for one in node.values]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
+            parts = [part or None for part in re.split(r"{[^}]*}", node.value)]
+        else:
+            continue
+        words = [re.escape(one) if isinstance(one, str) else ".*" for one in parts]
+        if sum(len(one.strip()) for one in parts if isinstance(one, str)) >= LEAST_WORDS:
+            patterns.add("".join(words).replace("\\\n", ""))
+    return [re.compile(one) for one in patterns]
+
+
+def shown_sentences(page: str) -> list[str]:
+    """The lines that a page shows as output of our commands, without tables, their titles, and what a person types."""
+    found = []
+    for _, block in FENCE.findall(page):
+        lines = block.splitlines() if block.startswith("$ kine2go") else []
+        for line, after in zip(lines, [*lines, ""][1:], strict=True):
+            is_table = line[:1] in "│┃┏┡├└╇ " or after[:1] == "┏"
+            if line and not is_table and not line.startswith(("$ ", "> ", "why: ", "...")):
+                found.append(line.removeprefix("kine2go: error: "))
+    return found
+
+
+@pytest.mark.parametrize("path", [one for one in PAGES if shown_sentences(one.read_text())], ids=lambda one: one.name)
+def test_the_output_on_pages_is_in_the_words_of_the_code(path, printed):
+    """Numbers may be of another day; docs/first-hour.md is compared with what its commands print."""
+    sentences = [one for one in shown_sentences(path.read_text()) if not one.endswith(SHORT)]
+    # What is said of a dataset may be a sentence of its own behind the name.
+    forms = {one: (one, one.partition(": ")[2]) for one in sentences}
+    unknown = [
+        one for one in sentences if not any(pattern.fullmatch(form) for pattern in printed for form in forms[one])
+    ]
+    assert unknown == []
+
+
+def test_output_in_other_words_would_be_found(printed):
+    for old, new in (("pictures of", "frames of"), ("checks hold, 0 do not", "checks pass")):
+        lines = [line for path in PAGES for line in shown_sentences(path.read_text()) if old in line]
+        assert lines
+        for line in lines:
+            assert not any(pattern.fullmatch(line.replace(old, new)) for pattern in printed)
 
 
 def test_the_messages_of_the_page_on_errors_are_those_of_the_code():

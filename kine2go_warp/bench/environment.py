@@ -20,9 +20,6 @@ from kine2go_warp.training.parallel import ParallelVecEnv
 OUTPUT_NOISE = 0.4
 """Standard deviation of the random outputs that drive the robots: that of an untrained policy."""
 
-NATIVE_WORLDS = 128
-"""Worlds that MuJoCo C steps one after another; its rate does not depend on their number."""
-
 
 def bench_environment(
     clip: MotionClip, config: EnvConfig, device: str, repeats: int, steps: int, processes: int
@@ -70,7 +67,7 @@ def bench_environment(
             times["single"].append(timed(parallel.run_single))
             times["parallel"].append(timed(parallel.run_parallel))
     environment.restart(config.seed)
-    measurements = summarise(times, config.num_worlds * steps, NATIVE_WORLDS * steps, processes)
+    measurements = summarise(times, config.num_worlds * steps, NativeRunner.WORLDS * steps, processes)
     measurements.append(Measurement("memory", "MB", (memory,), "resident set" if device == "cpu" else "of the device"))
     if parallel is not None:
         parallel.close()
@@ -125,31 +122,34 @@ def random_outputs(environment: ImitationEnvironment, count: int = 8) -> list[wp
 class NativeRunner:
     """Steps the same model in plain MuJoCo with MuJoCo's own position actuators, from states of the environment."""
 
-    def __init__(self, environment: ImitationEnvironment, steps: int) -> None:
+    WORLDS = 128
+    """Their number does not change the rate."""
+
+    def __init__(self, environment: ImitationEnvironment, steps: int, threads: int = 1) -> None:
         config = environment.config
         self.model = position_driven_model(environment.spec, config)
-        self.data = mujoco.MjData(self.model)
-        joint_q = environment.robot.joint_q.numpy()[:NATIVE_WORLDS]
+        self.data = [mujoco.MjData(self.model) for _ in range(threads)]
+        joint_q = environment.robot.joint_q.numpy()[: self.WORLDS]
         states = []
-        for row in range(NATIVE_WORLDS):
-            mujoco.mj_resetData(self.model, self.data)
+        for row in range(self.WORLDS):
+            mujoco.mj_resetData(self.model, self.data[0])
             placed = joint_q[row % len(joint_q)]
-            self.data.qpos[:] = placed[[0, 1, 2, 6, 3, 4, 5, *range(7, 19)]]
+            self.data[0].qpos[:] = placed[[0, 1, 2, 6, 3, 4, 5, *range(7, 19)]]
             states.append(self.state())
         self.initial = np.array(states)
-        targets = np.random.default_rng(0).normal(0.0, OUTPUT_NOISE, (NATIVE_WORLDS, steps, 12))
-        targets = joint_q[np.arange(NATIVE_WORLDS) % len(joint_q), None, 7:] + config.action.scale * targets
+        targets = np.random.default_rng(0).normal(0.0, OUTPUT_NOISE, (self.WORLDS, steps, 12))
+        targets = joint_q[np.arange(self.WORLDS) % len(joint_q), None, 7:] + config.action.scale * targets
         self.control = np.repeat(targets, config.substeps, axis=1)
 
     def state(self) -> np.ndarray:
         """Return MuJoCo's whole state."""
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
         state = np.zeros(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, state, kind)
+        mujoco.mj_getState(self.model, self.data[0], state, kind)
         return state
 
     def run(self) -> None:
-        """Step all worlds in one thread."""
+        """Step all worlds, each thread some of them one after another."""
         rollout(self.model, self.data, self.initial, self.control)
 
 

@@ -54,9 +54,9 @@ class BenchReport:
             "measurements": [measurement.as_record() for measurement in self.measurements],
         }
 
-    def value(self, name: str) -> float:
-        """Return the median of a figure."""
-        return next(measurement.median for measurement in self.measurements if measurement.name == name)
+    def values_of(self, name: str) -> tuple[float, ...]:
+        """Return what a figure was in each repeat."""
+        return next(measurement.values for measurement in self.measurements if measurement.name == name)
 
 
 def timed(action: Callable[[], object], synchronise: Callable[[], object] = lambda: None) -> float:

@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import tyro
 
@@ -13,8 +13,13 @@ from kine2go_warp.robots import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from kine2go_warp.bench.measurement import BenchReport
+    from kine2go_warp.motions.clip import MotionClip
 
-Stage = Literal["env", "train", "retarget", "gather", "load"]
+Stage = Literal["env", "train", "retarget", "gather", "load", "sweep"]
+
+
+CPU_SWEEP = (20, 128, 512, 2048)
+"""Numbers of worlds of a sweep on a CPU; a GPU takes more besides."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +31,14 @@ class Bench:
 
     stages: tyro.conf.Positional[tuple[Stage, ...]]
     """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all
-    motions that are there; gather: rollouts from simulation to dataset; load: random windows of --dataset."""
+    motions that are there; gather: rollouts from simulation to dataset; load: random windows of --dataset; sweep: env
+    and train with several numbers of worlds, against plain MuJoCo C on all cores."""
     data: Path | None = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
     catalogue: CatalogueFile = None
+    clip: Path | None = None
+    """Clip that env, train and gather track; by default the bundled one, for which placo is needed."""
     device: Device = None
     num_worlds: int | None = None
     """Worlds simulated at once; by default 512 on a CPU and 8192 on a GPU."""
@@ -45,6 +53,10 @@ class Bench:
     dataset: Path | None = None
     """Dataset to load."""
     robot: Robot = DEFAULT_ROBOT
+    worlds: tuple[int, ...] = ()
+    """Numbers of worlds of sweep; by default from 20 to 2048 on a CPU, to 65536 on a GPU."""
+    picture: Path | None = None
+    """File that sweep draws its rates into."""
     repeats: int = 5
     """How often everything is measured."""
     json: bool = False
@@ -55,9 +67,11 @@ class Bench:
         from kine2go_warp.cli.tables import console, print_bench
 
         if not self.stages:
-            raise Kine2GoError("name at least one of env, train, retarget, gather, load")
+            raise Kine2GoError(f"name at least one of {', '.join(get_args(Stage))}")
         if min(self.repeats, self.steps, self.processes, self.rows) < 1:
             raise Kine2GoError("repeats, steps, processes and rows must be at least 1")
+        if any(count < 1 for count in self.worlds):
+            raise Kine2GoError(f"worlds is {list(self.worlds)}; each must be at least 1")
         if self.num_worlds is not None and self.num_worlds < 1:
             raise Kine2GoError(f"num-worlds is {self.num_worlds}; it must be at least 1")
         reports = [self._measure(stage) for stage in self.stages]
@@ -71,7 +85,7 @@ class Bench:
     def _measure(self, stage: Stage) -> "BenchReport":
         """Run one benchmark."""
         from kine2go_warp.cli.commands import limit_threads
-        from kine2go_warp.motions.catalogue import load_catalogue, motion_named
+        from kine2go_warp.motions.catalogue import load_catalogue
 
         if stage == "retarget":
             from kine2go_warp.bench.retargeting import bench_retargeting
@@ -93,22 +107,39 @@ class Bench:
         from kine2go_warp.bench.training import bench_training
         from kine2go_warp.device import choose_device
         from kine2go_warp.learning.presets import find_preset
-        from kine2go_warp.motions.config import RetargetConfig
-        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
-        from kine2go_warp.motions.retarget import retarget
-        from kine2go_warp.robots import robot_named
 
         limit_threads()
         device = choose_device(self.device)
         num_worlds = self.num_worlds or (512 if device == "cpu" else 8192)
         preset = find_preset(self.preset)
         preset = replace(preset, env=replace(preset.env, num_worlds=num_worlds))
-        clip = retarget(
-            motion_named("dog_trot"), None, InverseKinematics(robot_named(self.robot)), RetargetConfig()
-        ).clip
+        clip = self._tracked()
         if stage == "env":
             return bench_environment(clip, preset.env, device, self.repeats, self.steps, self.processes)
+        if stage == "sweep":
+            from kine2go_warp.bench.sweep import bench_sweep, draw_sweep
+
+            counts = self.worlds or (CPU_SWEEP if device == "cpu" else (*CPU_SWEEP, 4096, 8192, 16384, 32768, 65536))
+            report = bench_sweep(clip, preset, device, counts, self.repeats, self.steps)
+            if self.picture is not None:
+                draw_sweep(report, self.picture)
+            return report
         if stage == "gather":
             num_worlds = self.num_worlds or (64 if device == "cpu" else 4096)
             return bench_gathering(clip, device, self.repeats, num_worlds, self.rows)
         return bench_training(clip, preset, device, self.repeats, self.processes)
+
+    def _tracked(self) -> "MotionClip":
+        """Return the clip given, or the bundled one on the robot."""
+        from kine2go_warp.motions.clip import MotionClip
+
+        if self.clip is not None:
+            return MotionClip.load(self.clip)
+        from kine2go_warp.motions.catalogue import motion_named
+        from kine2go_warp.motions.config import RetargetConfig
+        from kine2go_warp.motions.inverse_kinematics import InverseKinematics
+        from kine2go_warp.motions.retarget import retarget
+        from kine2go_warp.robots import robot_named
+
+        solver = InverseKinematics(robot_named(self.robot))
+        return retarget(motion_named("dog_trot"), None, solver, RetargetConfig()).clip

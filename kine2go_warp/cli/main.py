@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
 from kine2go_warp.cli.texts import command_prefix, sentence
+from kine2go_warp.device import is_out_of_memory
 from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.extras import named_extras
 from kine2go_warp.interruption import end_like_interrupted
@@ -87,18 +88,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return 0
             message = "kine2go: interrupted; nothing finished is lost, and training continues from its last checkpoint"
             return command.run()
-    except Kine2GoError as error:
-        return report(str(error))
     except BrokenPipeError:
         # The interpreter would report an error when it flushes into the closed pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
-    except OSError as error:
-        return report(explain(error))
+    except Exception as error:
+        if not (reason := reason_of(error)):
+            raise
+        return report(reason)
     except KeyboardInterrupt as interruption:
         if message:
             print(message, file=sys.stderr)
         return getattr(interruption, "status", INTERRUPTED)
+
+
+def reason_of(error: Exception) -> str:
+    """Return in a line what a user can mend; nothing for a defect of this package."""
+    if isinstance(error, Kine2GoError):
+        return str(error)
+    if isinstance(error, OSError):
+        return explain(error)
+    if is_out_of_memory(error):
+        return "out of memory; try half as many worlds, or of gather half as many --trajectories"
+    return ""
 
 
 def parsed(given: list[str]) -> "Command | None":

@@ -89,13 +89,17 @@ class Run(RecipeOptions):
     def run(self) -> int:
         """Run the recipe and print a table of the data written."""
         from kine2go_warp.cli.run_progress import observer_for
+        from kine2go_warp.device import print_note
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.pipelines.runner import RecipeRunner
+        from kine2go_warp.pipelines.stages.record import can_record
 
         recipe = self.resolved()
         workspace, folder = self.workspace(recipe), data_folder(self.data)
         limit_threads()
         engine = self._engine(recipe, workspace)
+        if recipe.record.trajectories and not can_record():
+            print_note("Rerun is not installed: no recordings are made; run again where it is (extra 'review')")
         message = "stopping after the present steps; once more stops at once"
         with StopRequest(message) as stop, observer_for(self.json) as observer:
             result = RecipeRunner(recipe, workspace, folder, engine, observer, stop).run()

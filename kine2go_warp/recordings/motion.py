@@ -9,7 +9,7 @@ from kine2go_warp.dataset.limit_usage import LimitUsage, filter_limits, limit_us
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.dataset.reviews import Review, standing_reviews
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.recordings.layout import motion_layout
+from kine2go_warp.recordings.layout import motion_layout, trajectory_tab, whole
 from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.robot import RobotDrawer
 from kine2go_warp.recordings.stream import recording_file
@@ -43,11 +43,16 @@ def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:
     drawer = RobotDrawer(spec, style.meshes)
     usages = [usage for _, usage in shown]
     with recording_file(motion.name, motion.attributes.get("fingerprint", ""), path) as recording:
-        recording.send_blueprint(motion_layout(motion.name, shown, spec))
-        text = motion_text(motion, usages, verdicts)
-        recording.log("list", rr.TextDocument(text, media_type="text/markdown"), static=True)
+        # A viewer shows nothing before a layout is whole, and reads few messages a frame. So the most doubtful
+        # trajectory comes first with a layout of its own, and the layout with all tabs when their data are there.
+        recording.send_blueprint(whole(trajectory_tab(*shown[0], spec)))
         for one, usage in shown:
             log_trajectory(recording, motion, one, usage, drawer, verdicts.get(one.index, ""))
+            recording.flush()
+        text = motion_text(motion, usages, verdicts)
+        recording.log("list", rr.TextDocument(text, media_type="text/markdown"), static=True)
+        recording.flush()
+        recording.send_blueprint(motion_layout(motion.name, shown, spec))
     return len(shown)
 
 

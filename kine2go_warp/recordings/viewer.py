@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.interruption import Terminated
+from kine2go_warp.recordings.serving import RecordingServer
 
 MEMORY = "2GB"
 """What the viewer, and the server for browsers, may use; above it they drop the oldest recordings."""
@@ -107,26 +108,30 @@ class WebViewer:
     url: str
     """The page to open."""
     source: str
-    """Where further recordings may be sent."""
+    """Where recordings may be sent that are not files."""
+    files: RecordingServer | None = None
 
     @classmethod
     def start(cls, recordings: Sequence[Path], port: int | None = None) -> "WebViewer":
         """Start to serve.
 
         Args:
-            recordings: Files to show.
+            recordings: Files to show; without any the page shows what is sent to ``source``.
             port: Of the page; the data are at the next one. By default both are free ones.
 
         Raises:
             RecordingError: a port is in use, or the server does not start.
         """
         page, data = free_ports(2, port)
+        stream = free_ports(1)[0] if recordings else data
         command = [str(viewer_program()), "--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(page)]
-        command += ["--port", str(data), "--server-memory-limit", MEMORY, *map(str, recordings)]
+        command += ["--port", str(stream), "--server-memory-limit", MEMORY]
+        files = RecordingServer(recordings, data, page) if recordings else None
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        source = stream_address(data)
-        viewer = cls(process, f"http://127.0.0.1:{page}/?url={quote(source, safe='')}", source)
-        if not (is_listening(process, page) and is_listening(process, data)):
+        source = stream_address(stream)
+        query = "&".join(f"url={quote(one, safe='')}" for one in (files.urls if files else [source]))
+        viewer = cls(process, f"http://127.0.0.1:{page}/?{query}", source, files)
+        if not (is_listening(process, page) and is_listening(process, stream)):
             viewer.stop()
             raise RecordingError("the web server of the Rerun viewer does not start; use --save to only write files")
         return viewer
@@ -148,6 +153,8 @@ class WebViewer:
 
     def stop(self) -> None:
         """Stop serving."""
+        if self.files is not None:
+            self.files.stop()
         self.process.terminate()
         self.process.wait()
 

@@ -49,6 +49,13 @@ class RolloutRecorder:
         self.environment, self.writer = environment, writer
         self._allocate()
         self._views = self._state_views()
+        written = {
+            "joint_target": environment.motors.joint_target,
+            "reward": environment.reward_terms,
+            "push": environment.randomization.push,
+        }
+        self._action_views = {name: wp.to_torch(array) for name, array in written.items()}
+        self._mean_action_view, self._mean_target_view = map(wp.to_torch, (self._mean_action, self._mean_target))
         default = environment.spec.default_joint_position
         self._default = torch.tensor(default, device=str(wp.device_to_torch(environment.device)))
         self._buffers: dict[str, torch.Tensor] = {}
@@ -78,7 +85,7 @@ class RolloutRecorder:
             )
             shapes = [environment.simulation.geometry, self._shapes, self._leg_distance]
             wp.launch(least_leg_distance, dim=environment.num_worlds, inputs=[environment.robot, *shapes])
-            wp.to_torch(self._mean_action).copy_(mean_action)
+            self._mean_action_view.copy_(mean_action)
             environment.motors.compute_targets(
                 self._mean_action,
                 episodes.clips,
@@ -90,7 +97,7 @@ class RolloutRecorder:
             self._store(name, view)
         bears = self._views["foot_contact_force"].norm(dim=-1) > CONTACT_FORCE
         self._store("foot_contact", bears.float())
-        self._store("action_mean", self._normalised(self._mean_target))
+        self._store("action_mean", self._normalised(self._mean_target_view))
         if observation is not None:
             self._store("observation", observation)
 
@@ -103,11 +110,9 @@ class RolloutRecorder:
 
     def record_action(self) -> None:
         """Record the action of the step that was just made, and its rewards; completes the row."""
-        environment = self.environment
-        self._store("joint_target", wp.to_torch(environment.motors.joint_target))
-        self._store("action", self._normalised(environment.motors.joint_target))
-        self._store("reward", wp.to_torch(environment.reward_terms))
-        self._store("push", wp.to_torch(environment.randomization.push))
+        for name, view in self._action_views.items():
+            self._store(name, view)
+        self._store("action", self._normalised(self._action_views["joint_target"]))
         self._filled += 1
         if self._filled == ROWS_ON_DEVICE:
             self._submit()
@@ -165,9 +170,9 @@ class RolloutRecorder:
         views["joint_velocity"] = wp.to_torch(environment.robot.joint_qd)[:, 6:]
         return views
 
-    def _normalised(self, joint_target: wp.array[Any]) -> torch.Tensor:
+    def _normalised(self, joint_target: torch.Tensor) -> torch.Tensor:
         """Return joint targets in the unit of the dataset's actions, shape [num_worlds, 12]."""
-        return (wp.to_torch(joint_target) - self._default) / self.environment.spec.action_scale
+        return (joint_target - self._default) / self.environment.spec.action_scale
 
     def _store(self, name: str, value: torch.Tensor) -> None:
         """Copy one value into the present row of its buffer."""

@@ -5,7 +5,7 @@ import io
 import math
 import statistics
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,18 @@ IterationCallback = Callable[[TrainingProgress, dict[str, float]], None]
 
 class TargetsReached(Exception):  # noqa: N818 - no error
     """Leaves RSL-RL's loop, which knows a number of iterations only."""
+
+
+@contextlib.contextmanager
+def tensor_cores(device: str) -> Iterator[None]:
+    """Let matrix products on a GPU round their factors to TF32, several times as fast; those on a CPU stay exact."""
+    kept = torch.get_float32_matmul_precision()
+    if device.startswith("cuda"):
+        torch.set_float32_matmul_precision("high")
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(kept)
 
 
 class QuietLogger(Logger):
@@ -233,7 +245,8 @@ class ImitationRunner(OnPolicyRunner):
             return BUDGET
         anneal(self.alg, self.config, first)
         try:
-            self.learn(iterations - first, init_at_random_ep_len=first == 0)
+            with tensor_cores(self.device):
+                self.learn(iterations - first, init_at_random_ep_len=first == 0)
         except TargetsReached:
             return TARGETS
         finally:

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kine2go_warp.device import choose_device, choose_processes
+from kine2go_warp.device import choose_device, choose_processes, fitting
 from kine2go_warp.errors import PolicyError, TrainingDiverged
 from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
@@ -76,7 +77,8 @@ def train(
         observer: Receives some worlds and the curves. It changes no result.
 
     Raises:
-        PolicyError: the folder holds another policy and ``overwrite`` is not given, or two clips have the same name.
+        PolicyError: the folder holds another policy and ``overwrite`` is not given, two clips have the same name, or
+            torchrun has started several processes.
         ClipError: the clips are for different robots.
         TrainingDiverged: it diverged again after the restart.
         TrainingInterrupted: ``should_stop`` said so; the same call continues.
@@ -84,6 +86,7 @@ def train(
     names = sorted(clip.name for clip in clips)
     if len(set(names)) < len(names):
         raise PolicyError(f"each clip needs a name of its own, but they are: {', '.join(names)}")
+    check_alone()
     robot = robot_of(clips).reference
     device = choose_device(device)
     preset = preset.on(device)
@@ -124,6 +127,20 @@ def train(
             reason = str(error)
         # Outside the handler, which would keep the first attempt's worlds in memory.
         record, start = begin_again(policy, reason, on_note), None
+
+
+def check_alone() -> None:
+    """Check that torchrun has not started this process beside others, which would write the same policy.
+
+    Raises:
+        PolicyError: it has.
+    """
+    processes = os.environ.get("WORLD_SIZE", "1")
+    if processes not in ("", "1"):
+        raise PolicyError(
+            f"WORLD_SIZE is {processes}, as torchrun sets it, and one training runs on one GPU; "
+            "'kine2go run' trains as many motions at once as there are GPUs"
+        )
 
 
 def known_record(policy: PolicyFolder, overwrite: bool) -> PolicyRecord | None:
@@ -231,7 +248,8 @@ class TrainingTask:
         torch.manual_seed(preset.env.seed)
         started, before, reason = time.monotonic(), record.seconds, ""
         stopping = preset.stopping
-        with contextlib.closing(self._environment(preset, start)) as env:
+        closing_environment = contextlib.closing(self._environment(preset, start))
+        with fitting(preset.env.num_worlds, self.device), closing_environment as env:
             with contextlib.redirect_stdout(io.StringIO()):
                 runner = ImitationRunner(env, ppo, policy.path, preset.env.seed)
             if stopping.is_active(ppo.iterations):

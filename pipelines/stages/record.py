@@ -1,5 +1,6 @@
 """Rollouts to a recording."""
 
+import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,11 @@ from kine2go_warp.pipelines.stages.base import Inputs, StageOutput
 from kine2go_warp.pipelines.stages.score import reviews_on
 
 
+def can_record() -> bool:
+    """Return whether Rerun is installed: a machine that trains may do without it."""
+    return importlib.util.find_spec("rerun") is not None
+
+
 class RecordStage:
     """Makes ``MOTION.rrd``, and beside it the note by which 'kine2go dataset review' knows that it is up to date."""
 
@@ -16,8 +22,8 @@ class RecordStage:
     resumable = False
 
     def enabled(self, job: Job) -> bool:
-        """Return whether the recipe asks for it."""
-        return job.recipe.record.trajectories > 0
+        """Return whether the recipe asks for it and Rerun is installed."""
+        return job.recipe.record.trajectories > 0 and can_record()
 
     def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the data's content, what people said of it, and how many trajectories are shown."""

@@ -10,12 +10,13 @@ import sys
 from contextlib import suppress
 
 import pytest
+import torch
 
 from kine2go_warp import __version__
 from kine2go_warp.cli.data import DATA_VARIABLE
 from kine2go_warp.cli.main import COMMANDS, GROUPS, OLD_NAMES, main
 from kine2go_warp.errors import explain
-from tests.conftest import ANYTHING_GOES
+from tests.conftest import ANYTHING_GOES, COMMITTED_CLIP
 
 KINE2GO = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 
@@ -111,6 +112,26 @@ def test_a_missing_package_is_named_with_its_extra(capsys, monkeypatch, tmp_path
     (line,) = capsys.readouterr().err.splitlines()
     assert "placo is not installed" in line
     assert "kine2go-warp[retarget]" in line
+
+
+@pytest.mark.parametrize("error", [torch.OutOfMemoryError("CUDA out of memory"), RuntimeError("Failed to allocate 9")])
+def test_memory_that_is_used_up_is_one_line(capsys, monkeypatch, error):
+    def measure(*_):
+        raise error
+
+    monkeypatch.setattr("kine2go_warp.bench.environment.bench_environment", measure)
+    assert main(["bench", "env", "--clip", str(COMMITTED_CLIP), "--device", "cpu"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "out of memory; try half as many worlds" in line.lower()
+
+
+def test_a_defect_is_not_taken_for_a_lack_of_memory(monkeypatch):
+    def measure(*_):
+        raise RuntimeError("illegal address")
+
+    monkeypatch.setattr("kine2go_warp.bench.environment.bench_environment", measure)
+    with pytest.raises(RuntimeError, match="illegal address"):
+        main(["bench", "env", "--clip", str(COMMITTED_CLIP), "--device", "cpu"])
 
 
 BAD_INPUT = {

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray
 import zarr
 
 from kine2go_warp.dataset import open_dataset
@@ -23,6 +22,8 @@ from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import GO2
 from kine2go_warp.rotations import continuous
 from kine2go_warp.tables import counted
+
+xarray = pytest.importorskip("xarray")
 
 SIMULATION = SimulationAttributes(60.0, 4, 60.0, 2.0)
 

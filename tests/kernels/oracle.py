@@ -76,14 +76,14 @@ def upload_robot(states: States, com_b: Array) -> RobotState:
     robot = RobotState()
     joint_q = np.hstack([states.position, states.quaternion, states.joint])
     joint_qd = np.hstack([com_velocity, states.angular, states.joint_speed])
-    robot.joint_q = wp.array(joint_q.astype(np.float32), dtype=float, device="cpu")
-    robot.joint_qd = wp.array(joint_qd.astype(np.float32), dtype=float, device="cpu")
-    robot.com_b = wp.array(np.tile(com_b, (len(states.position), 1)).astype(np.float32), dtype=wp.vec3, device="cpu")
+    robot.joint_q = wp.array(joint_q.astype(np.float32), dtype=float)
+    robot.joint_qd = wp.array(joint_qd.astype(np.float32), dtype=float)
+    robot.com_b = wp.array(np.tile(com_b, (len(states.position), 1)).astype(np.float32), dtype=wp.vec3)
     return robot
 
 
 def upload_reference(states: States) -> ReferenceState:
-    reference = make_reference_state(len(states.position), wp.get_device("cpu"))
+    reference = make_reference_state(len(states.position), wp.get_device())
     reference.root.assign(np.hstack([states.position, states.quaternion]).astype(np.float32))
     reference.linear_velocity.assign(states.linear.astype(np.float32))
     reference.angular_velocity.assign(states.angular.astype(np.float32))

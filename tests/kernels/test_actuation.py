@@ -8,14 +8,14 @@ from kine2go_warp.robots.spec import FRICTION_DAMPING, FRICTION_STIFFNESS
 
 
 def array(values, dtype=float):
-    return wp.array(np.asarray(values), dtype=dtype, device="cpu")
+    return wp.array(np.asarray(values), dtype=dtype)
 
 
 def test_default_pose_targets_clip_the_output(rng):
     output = np.float32(rng.normal(0.0, 80.0, (50, 12)))
-    target = wp.zeros((50, 12), dtype=float, device="cpu")
+    target = wp.zeros((50, 12), dtype=float)
     inputs = [array(output), array(np.float32(GO2.default_joint_position)), 0.25, 100.0, target]
-    wp.launch(targets_from_default_pose, dim=(50, 12), inputs=inputs, device="cpu")
+    wp.launch(targets_from_default_pose, dim=(50, 12), inputs=inputs)
     expected = np.array(GO2.default_joint_position) + 0.25 * np.clip(output, -100.0, 100.0)
     np.testing.assert_allclose(target.numpy(), expected, rtol=1e-5, atol=1e-6)
 
@@ -36,8 +36,8 @@ def motor_model(stiffness, damping, delay, strength=None, offset=None, limits=No
 
 def torques(q, qd, target, stiffness, damping, strength=None, offset=None, limits=None):
     count = len(q)
-    torque = wp.zeros((count, 12), dtype=float, device="cpu")
-    force = wp.zeros((count, 18), dtype=float, device="cpu")
+    torque = wp.zeros((count, 12), dtype=float)
+    force = wp.zeros((count, 18), dtype=float)
     inputs = [
         array(np.float32(np.hstack([np.zeros((count, 7)), q]))),
         array(np.float32(np.hstack([np.zeros((count, 6)), qd]))),
@@ -49,7 +49,7 @@ def torques(q, qd, target, stiffness, damping, strength=None, offset=None, limit
         force,
         torque,
     ]
-    wp.launch(apply_motor_torque, dim=(count, 12), inputs=inputs, device="cpu")
+    wp.launch(apply_motor_torque, dim=(count, 12), inputs=inputs)
     return force.numpy(), torque.numpy()
 
 
@@ -80,27 +80,27 @@ def test_strength_scales_the_torque_and_offset_shifts_the_target(rng):
 @pytest.mark.parametrize("delay", [0, 1, 4, 5, 8])
 def test_a_target_takes_effect_after_its_delay_in_substeps(delay):
     substeps, length = 4, delay // 4 + 2
-    queue = wp.full((1, length, 12), -1.0, dtype=float, device="cpu")
-    reference_step = wp.zeros(1, dtype=int, device="cpu")
+    queue = wp.full((1, length, 12), -1.0, dtype=float)
+    reference_step = wp.zeros(1, dtype=int)
     seen = []
     for step in range(6):
         reference_step.fill_(step)
-        inputs = [wp.full((1, 12), float(step), dtype=float, device="cpu"), reference_step, queue]
-        wp.launch(push_target, dim=(1, 12), inputs=inputs, device="cpu")
+        inputs = [wp.full((1, 12), float(step), dtype=float), reference_step, queue]
+        wp.launch(push_target, dim=(1, 12), inputs=inputs)
         for substep in range(substeps):
-            torque = wp.zeros((1, 12), dtype=float, device="cpu")
+            torque = wp.zeros((1, 12), dtype=float)
             inputs = [
-                wp.zeros((1, 19), dtype=float, device="cpu"),
-                wp.zeros((1, 18), dtype=float, device="cpu"),
+                wp.zeros((1, 19), dtype=float),
+                wp.zeros((1, 18), dtype=float),
                 queue,
                 reference_step,
                 substep,
                 substeps,
                 motor_model(np.ones((1, 12)), np.zeros((1, 12)), [delay]),
-                wp.zeros((1, 18), dtype=float, device="cpu"),
+                wp.zeros((1, 18), dtype=float),
                 torque,
             ]
-            wp.launch(apply_motor_torque, dim=(1, 12), inputs=inputs, device="cpu")
+            wp.launch(apply_motor_torque, dim=(1, 12), inputs=inputs)
             seen.append(float(torque.numpy()[0, 0]))
     expected = [(now - delay) // substeps if now >= delay else -1 for now in range(24)]
     assert seen == expected
@@ -125,12 +125,12 @@ def test_torques_end_on_the_motors_torque_speed_line(rng):
 def friction_forces(path, friction):
     """The torque of friction alone along the path of a joint, without a motor."""
     model = motor_model(np.zeros((1, 12)), np.zeros((1, 12)), [0], friction=np.full((1, 12), friction))
-    queue, forces = wp.zeros((1, 2, 12), dtype=float, device="cpu"), []
+    queue, forces = wp.zeros((1, 2, 12), dtype=float), []
     for step, position in enumerate(path):
-        force = wp.zeros((1, 18), dtype=float, device="cpu")
+        force = wp.zeros((1, 18), dtype=float)
         state = [array(np.full((1, 19), np.float32(position))), array(np.zeros((1, 18), np.float32))]
-        inputs = [*state, queue, array([step], int), 0, 4, model, force, wp.zeros((1, 12), dtype=float, device="cpu")]
-        wp.launch(apply_motor_torque, dim=(1, 12), inputs=inputs, device="cpu")
+        inputs = [*state, queue, array([step], int), 0, 4, model, force, wp.zeros((1, 12), dtype=float)]
+        wp.launch(apply_motor_torque, dim=(1, 12), inputs=inputs)
         forces.append(float(force.numpy()[0, 6]))
     return np.array(forces)
 

@@ -7,24 +7,24 @@ ROLES = np.array([ROLE_IGNORED, 0, 1, 2, 3, ROLE_BODY, ROLE_LEG], dtype=np.int32
 
 
 def collect(geoms, worlds, frames, frictions, addresses, rows, count=None, num_worlds=3):
-    results = [wp.zeros((num_worlds, 4), dtype=wp.vec3, device="cpu")]
-    results += [wp.full(num_worlds, 7, dtype=int, device="cpu") for _ in range(2)]
-    wp.launch(clear_contacts, dim=num_worlds, inputs=results, device="cpu")
+    results = [wp.zeros((num_worlds, 4), dtype=wp.vec3)]
+    results += [wp.full(num_worlds, 7, dtype=int) for _ in range(2)]
+    wp.launch(clear_contacts, dim=num_worlds, inputs=results)
     friction = np.zeros((len(geoms), 5), dtype=np.float32)
     friction[:, 0] = frictions
     address = np.zeros((len(geoms), 10), dtype=np.int32)
     address[:, 0] = addresses
     inputs = [
-        wp.array([len(geoms) if count is None else count], dtype=int, device="cpu"),
-        wp.array(np.int32(geoms), dtype=wp.vec2i, device="cpu"),
-        wp.array(np.int32(worlds), dtype=int, device="cpu"),
-        wp.array(np.float32(frames), dtype=wp.mat33, device="cpu"),
-        wp.array(friction, dtype=vec5, device="cpu"),
-        wp.array(address, dtype=int, device="cpu"),
-        wp.array(np.float32(rows), dtype=float, device="cpu"),
-        wp.array(ROLES, dtype=int, device="cpu"),
+        wp.array([len(geoms) if count is None else count], dtype=int),
+        wp.array(np.int32(geoms), dtype=wp.vec2i),
+        wp.array(np.int32(worlds), dtype=int),
+        wp.array(np.float32(frames), dtype=wp.mat33),
+        wp.array(friction, dtype=vec5),
+        wp.array(address, dtype=int),
+        wp.array(np.float32(rows), dtype=float),
+        wp.array(ROLES, dtype=int),
     ]
-    wp.launch(collect_contacts, dim=len(geoms), inputs=inputs + results, device="cpu")
+    wp.launch(collect_contacts, dim=len(geoms), inputs=inputs + results)
     return [result.numpy() for result in results]
 
 

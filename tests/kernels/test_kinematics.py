@@ -17,9 +17,9 @@ COM = np.array([0.0212, 0.0, -0.0054])
 def kernel_links(states):
     count = len(states.position)
     kinds = {"position": wp.vec3, "orientation": wp.vec4, "velocity": wp.vec3, "angular_velocity": wp.vec3}
-    arrays = {name: wp.zeros((count, 16), dtype=kind, device="cpu") for name, kind in kinds.items()}
-    inputs = [upload_robot(states, COM), leg_geometry(GO2, wp.get_device("cpu")), *arrays.values()]
-    wp.launch(link_states, dim=(count, 4, 4), inputs=inputs, device="cpu")
+    arrays = {name: wp.zeros((count, 16), dtype=kind) for name, kind in kinds.items()}
+    inputs = [upload_robot(states, COM), leg_geometry(GO2, wp.get_device()), *arrays.values()]
+    wp.launch(link_states, dim=(count, 4, 4), inputs=inputs)
     return {name: array.numpy() for name, array in arrays.items()}
 
 

@@ -16,14 +16,14 @@ FAR = 1.0
 def kernel_distances(joint_position):
     """The kernel's distances for some poses, shape [num_poses]."""
     count = len(joint_position)
-    with wp.ScopedDevice("cpu"):
+    with wp.ScopedDevice(wp.get_device()):
         robot = RobotState()
         coordinates = np.hstack([np.zeros((count, 6)), np.ones((count, 1)), joint_position])
         robot.joint_q = wp.array(np.float32(coordinates), dtype=float)
         robot.joint_qd = wp.zeros((count, 18), dtype=float)
         robot.com_b = wp.zeros(count, dtype=wp.vec3)
         distance = wp.zeros(count, dtype=float)
-        inputs = [robot, leg_geometry(GO2, wp.get_device("cpu")), body_shapes(GO2), distance]
+        inputs = [robot, leg_geometry(GO2, wp.get_device()), body_shapes(GO2), distance]
         wp.launch(least_leg_distance, dim=count, inputs=inputs)
         return distance.numpy()
 

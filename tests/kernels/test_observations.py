@@ -18,14 +18,14 @@ AHEAD = (1, 2, 10, 30)
 
 
 def array(values, dtype=float):
-    return wp.array(np.asarray(values), dtype=dtype, device="cpu")
+    return wp.array(np.asarray(values), dtype=dtype)
 
 
 def observed(terms, view, count):
     """What the terms write, one beside the other."""
-    out = wp.zeros((count, sum(term.size for term in terms)), dtype=float, device="cpu")
+    out = wp.zeros((count, sum(term.size for term in terms)), dtype=float)
     column = 0
-    with wp.ScopedDevice("cpu"):
+    with wp.ScopedDevice(wp.get_device()):
         for term in terms:
             term.launch(view, out, column)
             column += term.size
@@ -39,7 +39,7 @@ def observe_state(states, action):
 
 
 def observe_references(states, clip, phase, heading, origin, step):
-    count, device = len(states.position), wp.get_device("cpu")
+    count, device = len(states.position), wp.get_device()
     placement = make_placement(count, device)
     placement.start_phase.assign(np.float32(phase))
     placement.heading.assign(np.float32(heading))
@@ -122,12 +122,12 @@ def test_turning_and_moving_world_and_reference_together_changes_nothing(clip, r
 def test_history_moves_back_and_is_filled_when_an_episode_begins():
     observation = array(np.zeros((2, 3 * 45), dtype=np.float32))
     for value in (1.0, 2.0, 3.0):
-        wp.launch(observations.shift_history, dim=(2, 45), inputs=[observation, 3, 45], device="cpu")
+        wp.launch(observations.shift_history, dim=(2, 45), inputs=[observation, 3, 45])
         filled = observation.numpy()
         filled[:, :45] = value
         observation.assign(filled)
         done = array([0, int(value == 3.0)], wp.int64)
-        wp.launch(observations.fill_history, dim=(2, 45), inputs=[done, observation, 3, 45], device="cpu")
+        wp.launch(observations.fill_history, dim=(2, 45), inputs=[done, observation, 3, 45])
     newest_first = observation.numpy().reshape(2, 3, 45)[:, :, 0]
     np.testing.assert_array_equal(newest_first, [[3.0, 2.0, 1.0], [3.0, 3.0, 3.0]])
 
@@ -152,7 +152,7 @@ def test_privileged_observations_agree_with_numpy(rng):
     friction = np.float32(rng.uniform(0.4, 1.2, count))
     view = world_view(
         robot=upload_robot(states, COM),
-        placement=make_placement(count, wp.get_device("cpu")),
+        placement=make_placement(count, wp.get_device()),
         foot_force=array(force, wp.vec3),
         motors=motors,
         base=base,

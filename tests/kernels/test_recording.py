@@ -13,8 +13,8 @@ COM = np.array([0.0212, 0.0, -0.0054])
 
 def test_root_is_recorded_at_its_origin_in_the_world_frame(rng):
     states = random_states(rng, 50)
-    buffers = [wp.zeros(50, dtype=kind, device="cpu") for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
-    wp.launch(record_root, dim=50, inputs=[upload_robot(states, COM), *buffers], device="cpu")
+    buffers = [wp.zeros(50, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
+    wp.launch(record_root, dim=50, inputs=[upload_robot(states, COM), *buffers])
     position, wxyz, linear, angular = (buffer.numpy() for buffer in buffers)
     np.testing.assert_array_equal(position, np.float32(states.position))
     np.testing.assert_array_equal(wxyz[:, [1, 2, 3, 0]], np.float32(states.quaternion))
@@ -23,7 +23,7 @@ def test_root_is_recorded_at_its_origin_in_the_world_frame(rng):
 
 
 def test_reference_feet_and_place_in_the_clip(clip, rng):
-    count, device = 40, wp.get_device("cpu")
+    count, device = 40, wp.get_device()
     states = random_states(rng, count)
     placement = make_placement(count, device)
     phase = np.float32(rng.uniform(0.0, 1.0, count))

@@ -20,7 +20,7 @@ def turning_clip(clip):
 
 
 def sample(clips, which, phase, heading, origin, step):
-    device = wp.get_device("cpu")
+    device = wp.get_device()
     count = len(which)
     placement = make_placement(count, device)
     placement.clip.assign(np.int32(which))

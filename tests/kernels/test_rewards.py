@@ -16,11 +16,11 @@ MAXIMA = [term.maximum for term in TRACKING]
 
 def kernel_rewards(robot, reference, weights, tracking=TRACKING):
     count = len(robot.position)
-    terms = wp.zeros((count, len(tracking)), dtype=float, device="cpu")
-    total = wp.zeros(count, dtype=float, device="cpu")
-    geometry = leg_geometry(GO2, wp.get_device("cpu"))
+    terms = wp.zeros((count, len(tracking)), dtype=float)
+    total = wp.zeros(count, dtype=float)
+    geometry = leg_geometry(GO2, wp.get_device())
     view = world_view(robot=upload_robot(robot, COM), reference=upload_reference(reference), geometry=geometry)
-    with wp.ScopedDevice("cpu"):
+    with wp.ScopedDevice(wp.get_device()):
         for column, term in enumerate(tracking):
             term.launch(view, terms, column)
         inputs = [view.robot, wp.array(np.float32(weights)), terms, total]
@@ -80,10 +80,10 @@ def test_exponents_are_settings(rng):
 def test_a_penalty_is_a_term_of_the_sum(rng, penalty):
     states = random_states(rng, 50)
     action, last = np.float32(rng.normal(size=(2, 50, 12)))
-    terms = wp.zeros((50, 1), dtype=float, device="cpu")
-    total = wp.zeros(50, dtype=float, device="cpu")
-    view = world_view(action=wp.array(action, device="cpu"), last_action=wp.array(last, device="cpu"))
-    with wp.ScopedDevice("cpu"):
+    terms = wp.zeros((50, 1), dtype=float)
+    total = wp.zeros(50, dtype=float)
+    view = world_view(action=wp.array(action), last_action=wp.array(last))
+    with wp.ScopedDevice(wp.get_device()):
         REWARDS[5].launch(view, terms, 0)
         weights = wp.array([penalty], dtype=float)
         wp.launch(sum_rewards, dim=50, inputs=[upload_robot(states, COM), weights, terms, total])

@@ -24,12 +24,12 @@ def apply_rotations(
 def run(a, b, fraction):
     count = len(a)
     inputs = [
-        wp.array(np.float32(a), dtype=wp.quat, device="cpu"),
-        wp.array(np.float32(b), dtype=wp.quat, device="cpu"),
-        wp.array(np.float32(fraction), dtype=float, device="cpu"),
+        wp.array(np.float32(a), dtype=wp.quat),
+        wp.array(np.float32(b), dtype=wp.quat),
+        wp.array(np.float32(fraction), dtype=float),
     ]
-    results = [wp.zeros(count, dtype=kind, device="cpu") for kind in (float, float, wp.quat)]
-    wp.launch(apply_rotations, dim=count, inputs=inputs + results, device="cpu")
+    results = [wp.zeros(count, dtype=kind) for kind in (float, float, wp.quat)]
+    wp.launch(apply_rotations, dim=count, inputs=inputs + results)
     return [result.numpy() for result in results]
 
 

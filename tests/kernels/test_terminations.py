@@ -21,7 +21,7 @@ def reasons(clip, robot, reference, body_contact=None, length=None, joint_q=None
     def per_world(values, dtype=int):
         return wp.array(np.zeros(count) if values is None else np.array(values), dtype=dtype)
 
-    with wp.ScopedDevice("cpu"):
+    with wp.ScopedDevice(wp.get_device()):
         flags, reason, counts = per_world(overflow), per_world(None), wp.zeros(len(NAMES), dtype=int)
         done, time_out = per_world(None, wp.int64), per_world(None, wp.bool)
         target = upload_reference(reference)
@@ -98,11 +98,11 @@ def test_an_overflow_of_the_solver_ends_the_episode_but_a_warning_that_does_not_
 
 
 def test_a_failure_hides_a_time_out_wherever_it_stands_in_the_list():
-    conditions = wp.array(np.float32([[0, 0, 1], [1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 1, 1]]), device="cpu")
-    is_time_out = wp.array([True, False, False], dtype=wp.bool, device="cpu")
-    overflow, reason, counts = (wp.zeros(5, dtype=int, device="cpu") for _ in range(3))
-    done, time_out = wp.zeros(5, dtype=wp.int64, device="cpu"), wp.zeros(5, dtype=wp.bool, device="cpu")
+    conditions = wp.array(np.float32([[0, 0, 1], [1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 1, 1]]))
+    is_time_out = wp.array([True, False, False], dtype=wp.bool)
+    overflow, reason, counts = (wp.zeros(5, dtype=int) for _ in range(3))
+    done, time_out = wp.zeros(5, dtype=wp.int64), wp.zeros(5, dtype=wp.bool)
     inputs = [conditions, is_time_out, overflow, reason, counts, done, time_out]
-    wp.launch(end_episodes, dim=5, inputs=inputs, device="cpu")
+    wp.launch(end_episodes, dim=5, inputs=inputs)
     assert reason.numpy().tolist() == [3, 1, 2, 0, 2]
     assert time_out.numpy().tolist() == [False, True, False, False, False]

@@ -20,9 +20,9 @@ def probe(
 
 
 def probed(field, places, velocities):
-    found = wp.zeros((len(places), 3), dtype=float, device="cpu")
-    arrays = [wp.array(np.float32(values), dtype=wp.vec2, device="cpu") for values in (places, velocities)]
-    wp.launch(probe, dim=len(places), inputs=[field.upload(wp.get_device("cpu")), *arrays, found], device="cpu")
+    found = wp.zeros((len(places), 3), dtype=float)
+    arrays = [wp.array(np.float32(values), dtype=wp.vec2) for values in (places, velocities)]
+    wp.launch(probe, dim=len(places), inputs=[field.upload(wp.get_device()), *arrays, found])
     return found.numpy().T
 
 

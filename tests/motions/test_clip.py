@@ -10,6 +10,7 @@ from kine2go_warp.motions.cycle import CycleStep
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import foot_positions
 from kine2go_warp.rotations import heading, to_rotation
+from tests.conftest import COMMITTED_CLIP
 
 
 def test_the_bundled_clip_is_one_clean_stride(clip):
@@ -21,6 +22,14 @@ def test_the_bundled_clip_is_one_clean_stride(clip):
     assert clip.residual.max() < 1e-3
     assert (clip.foot_position[..., 2] - GO2.foot_radius).min() > -1e-3
     assert np.all((clip.joint_position > GO2.joint_lower) & (clip.joint_position < GO2.joint_upper))
+
+
+def test_the_committed_clip_of_machines_without_placo_is_the_same_motion(clip):
+    committed = MotionClip.load(COMMITTED_CLIP)
+    again = "; write it again with 'kine2go motion retarget dog_trot --out tests/data'"
+    assert (committed.name, committed.robot, committed.num_frames) == (clip.name, clip.robot, clip.num_frames), again
+    np.testing.assert_allclose(committed.joint_position, clip.joint_position, atol=0.1, err_msg=again)
+    np.testing.assert_allclose(committed.root_position, clip.root_position, atol=0.03, err_msg=again)
 
 
 def test_velocities_are_the_derivatives_of_a_spline_through_the_poses(clip):

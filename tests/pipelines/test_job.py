@@ -6,7 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from kine2go_warp.pipelines import job
-from kine2go_warp.pipelines.job import Monitor, read_progress
+from kine2go_warp.pipelines.job import Job, Monitor, read_progress
+from kine2go_warp.pipelines.stages.record import RecordStage
+from kine2go_warp.pipelines.workspace import Workspace
+from tests.pipelines.helpers import TINY
 
 
 @pytest.fixture
@@ -30,3 +33,10 @@ def test_the_time_left_is_that_of_the_steps_without_what_came_before(clock, tmp_
         assert note is not None
         left.append(note.seconds_left)
     assert left == [None, 116.0, 114.0, 112.0]
+
+
+def test_recordings_are_left_out_where_rerun_is_not_installed(tmp_path, monkeypatch):
+    trot = Job("dog_trot", TINY, Workspace(tmp_path), None, "cpu")
+    assert RecordStage().enabled(trot)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    assert not RecordStage().enabled(trot)

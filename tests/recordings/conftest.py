@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
 
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.writer import DatasetWriter
 from kine2go_warp.robots import GO2
 from tests.dataset.test_store import SIMULATION, made_up
+
+RrdReader = pytest.importorskip("rerun.chunk").RrdReader
 
 LIMITS = {"max_distance": 4.0, "max_angle": 3.2, "max_joint_rmse": 3.0}
 

@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,23 @@ def test_the_recording_is_whole(path):
     result = subprocess.run([RERUN, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert [file.name for file in path.parent.iterdir()] == ["made_up.rrd"]
+
+
+def test_the_most_doubtful_trajectory_is_whole_before_the_others_and_the_tabs_come_last(motion, path):
+    """What a viewer can show first it reads first."""
+    command = [RERUN, "rrd", "print", str(path)]
+    messages = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    layouts = [number for number, line in enumerate(messages) if line.startswith("BlueprintActivationCommand")]
+    shown = [one.index for one, _ in closest_to_limits(motion, None)]
+    assert len(shown) > 1
+    places = [
+        [number for number, line in enumerate(messages) if f"/{trajectory_entity(index)}/" in line] for index in shown
+    ]
+    assert len(layouts) == 2
+    assert layouts[0] < places[0][0]
+    for before, after in pairwise(places):
+        assert before[-1] < after[0]
+    assert places[-1][-1] < layouts[1] == len(messages) - 1
 
 
 def test_root_and_joints_are_those_of_the_dataset_bit_for_bit(motion, path):

@@ -6,8 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from types import SimpleNamespace
+from urllib.parse import parse_qs
 
 import numpy as np
 import pytest
@@ -61,6 +63,30 @@ def test_the_web_server_serves_a_page_and_ends_with_its_command(motion):
     assert process.wait(20) == 128 + signal.SIGTERM
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(url, timeout=5)
+
+
+def test_a_browser_gets_the_recordings_as_files_and_other_pages_do_not(motion, tmp_path):
+    for name in ("walk", "a trot"):
+        record_motion(motion, tmp_path / f"{name}.rrd", Style(trajectories=1))
+    server = WebViewer.start([tmp_path / "walk.rrd", tmp_path / "a trot.rrd"])
+    try:
+        page, _, query = server.url.partition("/?")
+        addresses = parse_qs(query)["url"]
+        assert len(addresses) == 2
+        for address, name in zip(addresses, ("walk", "a trot"), strict=True):
+            request = urllib.request.Request(address, headers={"Origin": page})
+            with urllib.request.urlopen(request, timeout=20) as file:
+                assert file.read() == (tmp_path / f"{name}.rrd").read_bytes()
+                assert file.headers["Access-Control-Allow-Origin"] == page
+        other = urllib.request.Request(addresses[0], headers={"Origin": "http://example.org"})
+        with urllib.request.urlopen(other, timeout=20) as file:
+            assert file.headers["Access-Control-Allow-Origin"] is None
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(addresses[0].replace("walk.rrd", "..%2Fwalk.rrd"), timeout=20)
+    finally:
+        server.stop()
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(addresses[0], timeout=5)
 
 
 @pytest.fixture

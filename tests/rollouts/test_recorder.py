@@ -14,8 +14,10 @@ from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.robots import GO2
+from kine2go_warp.rollouts.recorder import RolloutRecorder
 from kine2go_warp.rollouts.rollout import roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from tests.waiting import no_waits
 
 ROWS, WORLDS = 6, 3
 
@@ -54,3 +56,16 @@ def test_the_mean_action_is_that_of_the_deployed_rule_in_every_mode(mode, clip, 
             target = PolicyController.joint_target(controller, actor.means[step][world])  # pyright: ignore
             expected = (target - default) / GO2.action_scale
             np.testing.assert_allclose(rows["action_mean"][world, step], expected, atol=2e-4, err_msg=f"row {step}")
+
+
+def test_recording_rows_reads_nothing_from_the_device(clip, small_config):
+    environment = ImitationEnvironment([clip], replace(small_config, num_worlds=WORLDS), "cpu", record_loads=True)
+    recorder = RolloutRecorder(environment, SimpleNamespace(submit=lambda *_: None))
+    mean = torch.zeros(WORLDS, 12)
+    recorder.record_state(mean)
+    recorder.record_action()
+    with no_waits():
+        for _ in range(3):
+            recorder.record_state(mean)
+            environment.step()
+            recorder.record_action()

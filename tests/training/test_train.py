@@ -197,3 +197,10 @@ def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path):
     with pytest.raises(SimulationError, match=r"overflow in world \d+ of 32.*fault_world_\d+\.npz"):
         train([clip], cramped.override({"ppo.iterations": 20}), tmp_path / "policy", "cpu", strict=True)
     assert list((tmp_path / "policy").glob("fault_world_*.npz"))
+
+
+def test_processes_of_torchrun_do_not_write_one_policy_together(clip, tmp_path, monkeypatch):
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    with pytest.raises(PolicyError, match="WORLD_SIZE is 2, as torchrun sets it, and one training runs on one GPU"):
+        train([clip], FAST, tmp_path / "policy", "cpu")
+    assert not (tmp_path / "policy").exists()
