@@ -135,7 +135,10 @@ def draw_sweep(report: BenchReport, path: Path) -> None:
         middle = [one.median for one in rows]
         spread = [[one.median - one.spread[0] for one in rows], [one.spread[1] - one.median for one in rows]]
         axes.errorbar(counts, middle, spread, marker="o", capsize=3.0, label=name)
-    axes.set(xscale="log", yscale="log", xlabel="worlds", ylabel="control steps of all worlds [1/s]")
+        axes.set(xscale="log", yscale="log")
+        axes.set_xticks(counts, [f"{count:,}" for count in counts])
+        axes.set_xticks([], minor=True)
+    axes.set(xlabel="worlds", ylabel="control steps of all worlds [1/s]")
     axes.set_title(f"{report.as_record()['machine']['device']}, preset {report.settings['preset']}")
     axes.grid(which="both", alpha=0.3)
     axes.legend()
