@@ -73,7 +73,7 @@ class OwnFile:
         name = self.name or name_of(self.path)
         check_name(name, self.path, CatalogueError)
         reader = self.reader(own)
-        is_described = isinstance(reader, PointSource | JointSource) and SOURCES.get(reader.name) is not reader
+        is_own = SOURCES.get(reader.name) is not reader
         return CatalogueEntry(
             name=name,
             collection="",
@@ -87,7 +87,7 @@ class OwnFile:
             licence=self.licence,
             citation=self.citation,
             folder=str(self.path.resolve().parent),
-            dialect=reader.dialect if is_described else None,
+            dialect=reader.dialect if is_own and isinstance(reader, PointSource | JointSource) else None,
             kind=self.kind,
         )
 

@@ -40,6 +40,7 @@ COMMANDS = {
     "dataset render": "render_command:Render",
     "dataset benchmark": "benchmark_command:Benchmark",
     "dataset export": "export_command:Export",
+    "dataset publish": "publish_command:Publish",
     "doctor": "commands:Doctor",
     "bench": "bench_command:Bench",
 }

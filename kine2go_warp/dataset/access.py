@@ -6,9 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import zarr
 from numpy.typing import NDArray
 
+from kine2go_warp.dataset.location import located, root_attributes
 from kine2go_warp.dataset.motion import Motion, MotionData, Trajectory, TrajectoryReference
 from kine2go_warp.dataset.selection import by_motion, rejected_trajectories, validation_indices
 from kine2go_warp.dataset.store import motion_names, robot_in
@@ -36,16 +36,18 @@ def open_dataset(path: Path | str, include_rejected: bool = False) -> "Dataset":
     count: all accepted rollouts with at least one row that no review rejected.
 
     Args:
-        path: Folder of the store.
+        path: Folder of the store, or its address on a server: ``https://``, ``s3://``, ``hf://``, whatever fsspec reads
+            (extra ``remote``).
         include_rejected: Whether trajectories that were rejected in a review are part of it, too, and after those of
             each motion the rollouts that gathering rejected, where they are stored; ``values["reason"]`` says why.
 
     Raises:
-        DatasetError: there is no dataset at ``path``, or it has another format version.
+        DatasetError: there is no dataset at ``path``, it has another format version, or the server cannot be reached or
+            sends whole files only.
     """
-    path = Path(path)
+    path = located(path)
     names = motion_names(path)
-    attributes = dict(zarr.open_group(path, mode="r").attrs)
+    attributes = root_attributes(path)
     return Dataset(path, attributes, {name: _Opener(path, name, include_rejected) for name in names})
 
 

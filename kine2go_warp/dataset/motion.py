@@ -10,6 +10,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from kine2go_warp.dataset.location import described, is_remote, open_group, root_attributes
 from kine2go_warp.dataset.schema import REASON, REJECTED, ROW_ARRAYS, SUB_GROUPS, TRAJECTORY_ARRAYS, ArraySpec
 from kine2go_warp.dataset.store import robot_in, unpacked
 from kine2go_warp.dataset.trajectories import Trajectories
@@ -110,7 +111,7 @@ class Motion:
         self.path, self.name = path, name
         self._values: dict[str, NDArray[Any]] = {}
         try:
-            self._group = zarr.open_group(path / name, mode="r")
+            self._group = open_group(path / name)
             self.attributes = unpacked(self._group.attrs)
             self.arrays = {spec.name: spec for spec in _specs(self._group)}
             self._has_rejected = include_rejected and REJECTED in self._group
@@ -126,7 +127,7 @@ class Motion:
         Raises:
             Kine2GoError: the robot is not available here.
         """
-        return robot_in(dict(zarr.open_group(self.path, mode="r").attrs), self.path)
+        return robot_in(root_attributes(self.path), self.path)
 
     @cached_property
     def row_arrays(self) -> dict[str, ArraySpec]:
@@ -306,12 +307,13 @@ class Motion:
 
     def _read(self, name: str, what: Any) -> NDArray[Any]:
         # The store's index names arrays whose folders have gone, and Zarr reads those as the fill value.
-        if not (self.path / self.name / name / "zarr.json").is_file():
+        if not is_remote(self.path) and not (self.path / self.name / name / "zarr.json").is_file():
             raise self._missing(name)
         try:
             return np.asarray(self._group[name][what])  # pyright: ignore[reportArgumentType, reportIndexIssue]
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
-            raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({error.__class__.__name__})") from None
+            why = described(error) if is_remote(self.path) else error.__class__.__name__
+            raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({why})") from None
 
 
 _REASON = "why the rollout was rejected in gathering, an empty text if it was accepted"

@@ -2,12 +2,12 @@
 
 import contextlib
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-import zarr
-
+from kine2go_warp.dataset.location import RemotePath, is_remote, root_attributes
 from kine2go_warp.dataset.schema import FORMAT_VERSION
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.names import check_name
@@ -42,6 +42,8 @@ def motion_names(path: Path) -> list[str]:
     Raises:
         DatasetError: there is no dataset at ``path``, or it is of another format version.
     """
+    if is_remote(path):
+        return _listed(path)
     if (path.resolve().parent / "zarr.json").is_file():
         raise DatasetError(f"{path}: a part of a store; name the dataset itself, {path.resolve().parent}")
     if not (path / "zarr.json").is_file():
@@ -55,18 +57,41 @@ def motion_names(path: Path) -> list[str]:
 
 def motion_folders(path: Path) -> list[str]:
     """Return the names of the motions in a store, of whatever format it is; none if there is no store."""
-    return sorted(folder.parent.name for folder in path.glob("*/zarr.json"))
+    if not path.is_dir():
+        return []
+    with os.scandir(path) as entries:
+        return sorted(entry.name for entry in entries if os.path.isfile(os.path.join(entry.path, "zarr.json")))  # noqa: PTH113, PTH118 - thousands of them
 
 
-def check_version(path: Path) -> None:
-    """Check that a store is one of ours.
+def _listed(path: Path) -> list[str]:
+    """Return the names of the motions that the root of a dataset on a server lists: web servers list no folders.
+
+    Raises:
+        DatasetError: there is no dataset, or it lists no motions.
+    """
+    if not (path / "zarr.json").is_file():
+        raise DatasetError(f"{path}: no dataset here, the server has no zarr.json in it")
+    cast("RemotePath", path / "zarr.json").check_ranges()
+    motions = check_version(path).get("motions")
+    if not isinstance(motions, dict):
+        raise DatasetError(
+            f"{path}: does not list its motions, as datasets on a server must; open it once for writing where it is a "
+            "folder ('kine2go dataset gather' does), and copy it again"
+        )
+    for name in motions:
+        check_name(name, path, DatasetError)
+    return sorted(motions)
+
+
+def check_version(path: Path) -> dict[str, Any]:
+    """Check that a store is one of ours, and return the attributes of its root.
 
     Raises:
         DatasetError: it is not, or its format version is another.
     """
     try:
-        attributes = dict(zarr.open_group(path, mode="r").attrs)
-    except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
+        attributes = root_attributes(path)
+    except (OSError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: not a Zarr store that can be read ({error.__class__.__name__})") from None
     if attributes.get("format") != "kine2go":
         raise DatasetError(f"{path}: a Zarr store, but not a dataset of kine2go")
@@ -75,6 +100,7 @@ def check_version(path: Path) -> None:
             f"{path}: dataset format {attributes.get('format_version')}; this version reads and writes "
             f"{FORMAT_VERSION}: gather the data again, or use the version that wrote it"
         )
+    return attributes
 
 
 def robot_in(attributes: Mapping[str, Any], path: Path) -> RobotSpec:

@@ -1,6 +1,5 @@
 """Writing motions into a store, each whole or not at all."""
 
-import json
 import shutil
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,11 +10,10 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.buffer.cpu import Buffer
 from zarr.codecs import ZstdCodec
-from zarr.storage import MemoryStore
 
 from kine2go_warp import __version__
+from kine2go_warp.dataset.root_index import consolidate, write_index
 from kine2go_warp.dataset.schema import (
     ACTION_RULE,
     FORMAT_VERSION,
@@ -81,7 +79,8 @@ class DatasetWriter:
             check_version(path)
         self._area = StagingArea(path)
         others_write = self._area.recover()
-        if self.motions() and not others_write and "consolidated_metadata" not in self._area.root_metadata():
+        self._counts: dict[str, dict[str, int]] = {}
+        if self.motions() and not others_write and "motions" not in self._area.root_metadata().get("attributes", {}):
             self._write_index()
 
     def motions(self) -> list[str]:
@@ -191,22 +190,20 @@ class DatasetWriter:
             self.check(motion, simulation)
             self._write_root(simulation)
             self._area.put_in_place(motion)
+            self._counts.pop(motion, None)
             self._write_index()
 
     def _write_root(self, simulation: SimulationAttributes) -> None:
-        """Write the root's attributes, without the index of all arrays, which would not know of a change."""
+        """Write the root's attributes, without the lists of motions and arrays, which would not know of a change."""
         metadata = self._area.root_metadata() or {"zarr_format": 3, "node_type": "group", "attributes": {}}
         metadata["attributes"].update({**robot_attributes(self.spec), **asdict(simulation)})
+        self._counts = metadata["attributes"].pop("motions", {})
         metadata.pop("consolidated_metadata", None)
         self._area.replace_root_metadata(metadata)
 
     def _write_index(self) -> None:
-        """Write the index of all arrays into the root's metadata, the last thing to change."""
-        texts = {path.relative_to(self.path).as_posix(): path.read_bytes() for path in self.path.rglob("zarr.json")}
-        # In memory, since zarr's own way of writing a file would leave a part of it inside the store after a kill.
-        buffers = {name: Buffer.from_bytes(text) for name, text in texts.items()}
-        consolidate(MemoryStore(buffers))  # pyright: ignore[reportArgumentType] - invariant in zarr
-        self._area.replace_root_metadata(json.loads(buffers["zarr.json"].to_bytes()))
+        """Write the lists of motions and arrays into the root's metadata, the last thing to change."""
+        write_index(self._area, self.motions(), self._counts)
 
     def spool(self, motion: str) -> Path:
         """Return where rollouts of a motion may lie until they are written. What is left behind is removed later."""
@@ -308,14 +305,6 @@ def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dt
         # Values that are all NaN, such as what no rollout reached, are not to be taken for lost ones.
         config={"write_empty_chunks": True},
     )
-
-
-def consolidate(group: Path | MemoryStore) -> None:
-    """Put the metadata of all arrays below a group into its own, so that readers need one file and do not warn."""
-    with warnings.catch_warnings():
-        # Not in the Zarr 3 core specification yet; readers that do not know it read the arrays' own metadata.
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(group, zarr_format=3)
 
 
 def write_labels(group: zarr.Group, name: str, labels: tuple[str, ...]) -> None:

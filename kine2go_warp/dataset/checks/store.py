@@ -15,6 +15,7 @@ from kine2go_warp.dataset.checks.reading import READABLE, StoredMotion, common_s
 from kine2go_warp.dataset.checks.records import Check, Finding
 from kine2go_warp.dataset.reviews import read_reviews
 from kine2go_warp.dataset.schema import COPIED, REJECTED, ArraySpec
+from kine2go_warp.dataset.store import motion_folders
 from kine2go_warp.dataset.writer import SimulationAttributes, robot_attributes
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.robots import RobotSpec
@@ -86,7 +87,11 @@ def check_index(folder: Path) -> Iterator[Complaint]:
 
     Folders without readable metadata are left to other checks.
     """
-    index = json.loads((folder / "zarr.json").read_text()).get("consolidated_metadata")
+    content = json.loads((folder / "zarr.json").read_text())
+    listed = content.get("attributes", {}).get("motions", {})
+    if listed and sorted(listed) != motion_folders(folder):
+        yield Complaint("attribute motions does not list the motions that are there")
+    index = content.get("consolidated_metadata")
     if not index:
         return
     listed = index.get("metadata", {}) if isinstance(index, dict) else None
