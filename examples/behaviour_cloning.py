@@ -36,9 +36,9 @@ from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.replay import environment_config
 from kine2go_warp.rollouts.rollout import Actor, roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from kine2go_warp.rollouts.worlds import environment_config
 from kine2go_warp.scores.statistics import estimate_share
 
 REFERENCE = ("reference_root_position", "reference_root_orientation", "reference_joint_position")

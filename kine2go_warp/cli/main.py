@@ -38,6 +38,7 @@ COMMANDS = {
     "dataset replay": "replay_command:Replay",
     "dataset report": "report_command:Report",
     "dataset render": "render_command:Render",
+    "dataset benchmark": "benchmark_command:Benchmark",
     "dataset export": "export_command:Export",
     "dataset publish": "publish_command:Publish",
     "doctor": "commands:Doctor",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, ONNX_FILE, OUTPUT_NAME, PolicyMetadata
 from kine2go_warp.deployment.observer import MeasuredState, ObservationBuilder
-from kine2go_warp.deployment.reference import PlacedClip
+from kine2go_warp.deployment.reference import PlacedClip, Reference
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import sha256_of
 from kine2go_warp.motions.clip import MotionClip
@@ -64,19 +64,17 @@ class ExportedPolicy:
         return self.session.run([OUTPUT_NAME], {INPUT_NAME: observation})[0]
 
 
-class PolicyController:
-    """Drives one robot: ``begin`` an episode, then ``act`` in every control step."""
+class TrackingController:
+    """Lets one robot track a reference: ``act`` in every control step."""
 
-    def __init__(self, policy: ExportedPolicy, clip: int = 0) -> None:
-        """Track one of the policy's clips."""
-        self.policy, self.metadata = policy, policy.metadata
-        self.reference = PlacedClip(policy.clips[clip], self.metadata.control_rate)
-        self.observer = ObservationBuilder(self.metadata, self.reference)
-        self.begin(0.0, (0.0, 0.0), 0.0)
+    def __init__(self, policy: ExportedPolicy, reference: Reference) -> None:
+        """Begin an episode at step 0 of the reference."""
+        self.policy, self.metadata, self.reference = policy, policy.metadata, reference
+        self.observer = ObservationBuilder(self.metadata, reference)
+        self.restart()
 
-    def begin(self, phase: float, ground: tuple[float, float], turn: float) -> None:
-        """Begin an episode; see ``PlacedClip.place``."""
-        self.reference.place(phase, ground, turn)
+    def restart(self) -> None:
+        """Begin an episode."""
         self.observer.begin()
         self.last_action = np.zeros(len(self.metadata.joint_names), np.float32)
         self.step = 0
@@ -100,3 +98,18 @@ class PolicyController:
         coming = self.step + action.reference_lead
         feedforward = action.velocity_gain * self.reference.joint_velocity(coming)
         return self.reference.joint_position(coming) + feedforward + offset
+
+
+class PolicyController(TrackingController):
+    """Drives one robot along a clip: ``begin`` an episode, then ``act`` in every control step."""
+
+    reference: PlacedClip
+
+    def __init__(self, policy: ExportedPolicy, clip: int = 0) -> None:
+        """Track one of the policy's clips."""
+        super().__init__(policy, PlacedClip(policy.clips[clip], policy.metadata.control_rate))
+
+    def begin(self, phase: float, ground: tuple[float, float], turn: float) -> None:
+        """Begin an episode; see ``PlacedClip.place``."""
+        self.reference.place(phase, ground, turn)
+        self.restart()

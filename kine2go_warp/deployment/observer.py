@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.deployment.metadata import ObservationRow, PolicyMetadata
-from kine2go_warp.deployment.reference import PlacedClip
+from kine2go_warp.deployment.reference import Reference
 from kine2go_warp.deployment.rotations import about_z, heading, to_matrix
 from kine2go_warp.errors import PolicyError
 
@@ -42,7 +42,7 @@ class MeasuredState:
 class ObservationBuilder:
     """Puts observations together, row by row of the policy's own table."""
 
-    def __init__(self, metadata: PolicyMetadata, reference: PlacedClip) -> None:
+    def __init__(self, metadata: PolicyMetadata, reference: Reference) -> None:
         """Read the table.
 
         Raises:

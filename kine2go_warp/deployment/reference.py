@@ -1,7 +1,7 @@
 """A clip that is played from a chosen place in the world, on and on or once, in NumPy."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,22 @@ class Pose:
     """World frame [m], shape [3]."""
     rotation: Array
     """Base to world, shape [3, 3]."""
+
+
+class Reference(Protocol):
+    """What is tracked, by control steps since the episode began; they need not be whole."""
+
+    def root(self, step: float) -> Pose:
+        """Return the root."""
+        ...
+
+    def joint_position(self, step: float) -> Array:
+        """Return the joint positions [rad], shape [12]."""
+        ...
+
+    def joint_velocity(self, step: float) -> Array:
+        """Return the joint velocities [rad/s], shape [12]."""
+        ...
 
 
 class PlacedClip:

@@ -13,6 +13,7 @@ from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.randomization import parameter_arrays
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terrain import build_height_field
+from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.recording import record_root
 from kine2go_warp.kernels.resets import advance_counters
 from kine2go_warp.robots import RobotSpec
@@ -25,7 +26,13 @@ class OpenLoop:
     """Simulation and motors of some rollouts."""
 
     def __init__(
-        self, spec: RobotSpec, config: EnvConfig, ground_reach: float, initial: InitialState, device: str
+        self,
+        spec: RobotSpec,
+        config: EnvConfig,
+        ground_reach: float,
+        initial: InitialState,
+        device: str,
+        record_loads: bool = False,
     ) -> None:
         """Put the robots where the rollouts begin.
 
@@ -35,18 +42,20 @@ class OpenLoop:
             ground_reach: How far its ground reaches from the middle [m].
             initial: Where they begin.
             device: Where to simulate.
+            record_loads: Whether to keep what ``loads`` returns.
         """
         num_worlds, queue_length = initial["target_queue"].shape[:2]
         self.config = replace(config, num_worlds=num_worlds)
         self.device = wp.get_device(device)
         with wp.ScopedDevice(self.device):
             ground = build_height_field(config.terrain, ground_reach)
-            self.simulation = Simulation(spec, self.config, ground, self.device)
+            self.simulation = Simulation(spec, self.config, ground, self.device, record_loads)
             self.motors = Motors(self.config, SpecArrays.upload(spec, self.device))
             assert self.motors.target_queue.shape[1] == queue_length
             self.bodies = Bodies(self.config, self.simulation)
             self.reference_step = wp.zeros(num_worlds, dtype=int)
             self._root = [wp.zeros(num_worlds, dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
+            self._links = [wp.zeros((num_worlds, 16), dtype=kind) for kind in (wp.vec3, wp.vec4, wp.vec3, wp.vec3)]
             self._target = wp.zeros((num_worlds, 12), dtype=float)
             self._length = wp.zeros(num_worlds, dtype=wp.int64)
             # Once without a graph, so that modules are loaded and lazy allocations made.
@@ -105,3 +114,16 @@ class OpenLoop:
         state["joint_position"] = self.simulation.robot.joint_q.numpy()[:, 7:].copy()
         state["joint_velocity"] = self.simulation.robot.joint_qd.numpy()[:, 6:].copy()
         return state
+
+    def loads(self) -> dict[str, NDArray[Any]]:
+        """Return mean power of the joints, forces on the feet, and place and velocity of the links; see ``Worlds``."""
+        assert self.simulation.loads is not None
+        with wp.ScopedDevice(self.device):
+            inputs = [self.simulation.robot, self.simulation.geometry, *self._links]
+            wp.launch(link_states, dim=(self.config.num_worlds, 4, 4), inputs=inputs)
+        return {
+            "joint_power_mean": self.simulation.loads.power_mean.numpy().copy(),
+            "foot_contact_force": self.simulation.foot_force.numpy().copy(),
+            "link_position": self._links[0].numpy().copy(),
+            "link_linear_velocity": self._links[2].numpy().copy(),
+        }

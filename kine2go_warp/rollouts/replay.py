@@ -2,30 +2,19 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import MotionData
-from kine2go_warp.dataset.schema import INITIAL_STATE_ARRAYS
-from kine2go_warp.env.config import EnvConfig
-from kine2go_warp.env.mujoco_engine import MotorState, MujocoRobot
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.robots import RobotSpec
-from kine2go_warp.rollouts.open_loop import InitialState, OpenLoop
+from kine2go_warp.rollouts.worlds import Engine, Scene, Worlds
 from kine2go_warp.rotations import rotation_angle
-from kine2go_warp.settings import from_dictionary
-
-Engine = Literal["newton", "mujoco"]
 
 HORIZONS = (0.25, 0.5, 1.0, 2.0)
 """Times at which it is told how far replay and record have parted [s]."""
-
-FRICTION = ("joint_friction", "friction_anchor")
-"""Parts of the initial state that older datasets lack: their joints had no friction."""
 
 STATES = (
     "root_position",
@@ -82,116 +71,27 @@ def replay_motion(
     for index in chosen:
         if not 0 <= index < count:
             raise DatasetError(f"{path}/{motion}: has trajectories 0 to {count - 1}, not {index}")
-    config = environment_config(data.attributes, f"{path}/{motion}")
-    initial = read_initial_state(path, motion)
-    reach = float(data.attributes.get("ground_reach", 0.0))
-    run = replay_in_newton if engine == "newton" else replay_in_mujoco
+    scene = Scene.of(path, data, spec)
     return [
-        compare(data, index, run(data, index, spec, config, reach, one_of(initial, index), device), config.control_rate)
+        compare(data, index, replay(scene.chosen([index]).open(engine, device), data, index), scene.config.control_rate)
         for index in chosen
     ]
 
 
-def environment_config(attributes: dict[str, Any], where: str) -> EnvConfig:
-    """Return the environment that a motion was gathered in.
+def replay(worlds: Worlds, data: MotionData, index: int) -> dict[str, NDArray[Any]]:
+    """Return the states of a trajectory, each of shape [num_rows, ...], when its recorded commands are repeated.
 
-    Raises:
-        DatasetError: the attributes do not tell.
+    Args:
+        worlds: One world, where the trajectory begins.
+        data: The record.
+        index: The trajectory's place in it.
     """
-    if "environment_settings" not in attributes:
-        raise DatasetError(f"{where}: does not say how it was simulated (no environment_settings); gather it again")
-    return from_dictionary(EnvConfig, attributes["environment_settings"], where, DatasetError)
-
-
-def read_initial_state(path: Path, motion: str) -> InitialState:
-    """Read the initial states of all trajectories.
-
-    Raises:
-        DatasetError: one of the arrays is missing or damaged.
-    """
-    group = zarr.open_group(path / motion, mode="r")
-    state = {}
-    for array in INITIAL_STATE_ARRAYS:
-        name = f"initial_state/{array.name}"
-        if array.name in FRICTION and name not in group:
-            continue
-        try:
-            state[array.name] = np.asarray(group[name][...])  # pyright: ignore[reportArgumentType, reportIndexIssue]
-        except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
-            raise DatasetError(f"{path}/{motion}/{name}: cannot be read ({error.__class__.__name__})") from None
-    position = state["joint_q"][:, 7:]
-    return dict(zip(FRICTION, (np.zeros_like(position), position), strict=True)) | state
-
-
-def one_of(initial: InitialState, index: int) -> InitialState:
-    """Return the initial state of one trajectory."""
-    return {name: values[index : index + 1] for name, values in initial.items()}
-
-
-def replay_in_newton(
-    data: MotionData,
-    index: int,
-    spec: RobotSpec,
-    config: EnvConfig,
-    reach: float,
-    initial: InitialState,
-    device: str,
-) -> dict[str, NDArray[Any]]:
-    """Return the states of a trajectory simulated anew, each of shape [num_rows, ...]."""
     rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
-    robot = OpenLoop(spec, config, reach, initial, device)
-    seen = [robot.state()]
+    seen = [worlds.state()]
     for row in range(length - 1):
-        robot.step(rows["joint_target"][index : index + 1, row], rows["push"][index : index + 1, row])
-        seen.append(robot.state())
+        worlds.step(rows["joint_target"][index : index + 1, row], rows["push"][index : index + 1, row])
+        seen.append(worlds.state())
     return {name: np.stack([state[name][0] for state in seen]) for name in STATES}
-
-
-def replay_in_mujoco(
-    data: MotionData,
-    index: int,
-    spec: RobotSpec,
-    config: EnvConfig,
-    reach: float,  # noqa: ARG001 - the ground is a plane
-    initial: InitialState,
-    device: str,  # noqa: ARG001 - MuJoCo runs on the CPU
-) -> dict[str, NDArray[Any]]:
-    """Return the same from plain MuJoCo, whose model is compiled from URDF and specification.
-
-    Raises:
-        DatasetError: the ground is not flat.
-    """
-    if not config.terrain.is_flat:
-        raise DatasetError("plain MuJoCo replays flat ground only; leave --engine out")
-    rows, length = data.trajectories.rows, int(data.trajectories.draws["length"][index])
-    names = ("stiffness", "damping", "strength", "motor_offset", "joint_friction")
-    stiffness, damping, strength, offset, friction = (initial[name][0].astype(float) for name in names)
-    delay, limits = int(initial["delay"][0]), config.motor.limits(spec)
-    robot = MujocoRobot(config, spec, MotorState(stiffness, damping, strength, offset, delay, limits, friction))
-    robot.set_body(float(initial["base_mass"][0]), initial["base_com"][0], float(initial["friction"][0]))
-    targets = coming_targets(initial, config.substeps)
-    robot.set_state(initial["joint_q"][0], initial["joint_qd"][0], targets, initial["friction_anchor"][0])
-    states = [robot.state()]
-    for row in range(length - 1):
-        robot.push(rows["push"][index, row])
-        robot.step(rows["joint_target"][index, row])
-        states.append(robot.state())
-    joint_q, joint_qd = (np.array(values) for values in zip(*states, strict=True))
-    return {
-        "root_position": joint_q[:, :3],
-        "root_orientation": joint_q[:, [6, 3, 4, 5]],
-        "root_linear_velocity": joint_qd[:, :3],
-        "root_angular_velocity": joint_qd[:, 3:6],
-        "joint_position": joint_q[:, 7:],
-        "joint_velocity": joint_qd[:, 6:],
-    }
-
-
-def coming_targets(initial: InitialState, substeps: int) -> list[NDArray[Any]]:
-    """Return the targets on their way to the motors, one a substep of the latency, the next one first."""
-    queue, step, delay = initial["target_queue"][0], int(initial["reference_step"][0]), int(initial["delay"][0])
-    steps = [(step * substeps + substep - delay) // substeps for substep in range(delay)]
-    return [queue[place % len(queue)] for place in steps]
 
 
 def compare(data: MotionData, index: int, replayed: dict[str, NDArray[Any]], control_rate: float) -> ReplayResult:

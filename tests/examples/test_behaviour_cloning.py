@@ -18,7 +18,7 @@ from kine2go_warp.robots import GO2
 from kine2go_warp.rollouts.collector import round_seeds
 from kine2go_warp.rollouts.config import GatherConfig
 from kine2go_warp.rollouts.gather import gather
-from kine2go_warp.rollouts.replay import environment_config
+from kine2go_warp.rollouts.worlds import environment_config
 from kine2go_warp.rotations import to_rotation
 from tests.conftest import ANYTHING_GOES
 

@@ -13,9 +13,9 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.mujoco_engine import MujocoRobot
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.replay import environment_config
 from kine2go_warp.rollouts.rollout import roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
+from kine2go_warp.rollouts.worlds import environment_config
 from kine2go_warp.rotations import rotate
 
 DURATION = 1.0 / 60.0

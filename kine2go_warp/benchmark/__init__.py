@@ -1,0 +1,1 @@
+"""A yardstick for policies that others learned from a dataset."""
