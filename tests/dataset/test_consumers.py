@@ -75,10 +75,12 @@ def test_exports_hold_the_others(reviewed, tmp_path, form):
     assert main(["export", str(reviewed), "--format", form, "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "export.json").read_text())["trajectories"] == 5
     if form == "npz":
-        names = {file.name for file in (tmp_path / "out" / "walk").iterdir()}
+        names = {file.name for file in (tmp_path / "out" / "cc-by-nc-4.0" / "walk").iterdir()}
         assert names == {"trajectory-0000.npz", "trajectory-0002.npz"}
     else:
-        assert json.loads((tmp_path / "out" / "meta" / "info.json").read_text())["total_episodes"] == 5
+        for licence, count in (("cc-by-nc-4.0", 2), ("cc-by-sa-4.0", 3)):
+            info = json.loads((tmp_path / "out" / licence / "meta" / "info.json").read_text())
+            assert info["total_episodes"] == count
 
 
 def test_score_report_quality_and_summary_agree(reviewed, tmp_path, capsys):
