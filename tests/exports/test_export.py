@@ -80,7 +80,7 @@ def test_the_card_says_time_rule_frames_joint_order_limits_and_versions(store, f
     assert "| 3 | `FR_hip_joint` | 0 | 0.0 | -1.5 | 1.25 | 23 | - |" in card
     assert "- engine: MuJoCo Warp\n- versions: newton 9.8.7" in card
     assert "World frame: z up" in card
-    if form != "npz":
+    if form in ("lerobot", "minari", "d4rl", "robomimic", "motivo", "parquet"):
         assert re.search(r"\| gravity \| 3 \| 1 \| direction of gravity \| base \|", card)
 
 
