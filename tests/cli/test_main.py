@@ -215,6 +215,7 @@ LIMITS = [(f"--{name.replace('_', '-')}", str(value)) for name, value in ANYTHIN
 LOOSE = ["--trajectories", "3", "--rows", "20", *(word for limit in LIMITS for word in limit)]
 
 
+@pytest.mark.faults
 def test_a_disk_that_fills_up_during_gathering_keeps_the_dataset(policy, tmp_path):
     def files():
         return {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
@@ -304,6 +305,7 @@ def test_bench_measures_both_modes(tmp_path):
     assert report["machine"]["kine2go-warp"]
 
 
+@pytest.mark.slow
 def test_bench_of_environment_and_training_accounts_for_all_the_time(tmp_path):
     arguments = "bench env train --device cpu --num-worlds 64 --processes 2 --steps 4 --repeats 2 --json"
     result = kine2go(*arguments.split(), cwd=tmp_path)

@@ -24,6 +24,7 @@ def cluster():
     cluster.shutdown()
 
 
+@pytest.mark.faults
 def test_a_node_that_is_lost_while_training_changes_nothing(cluster, tmp_path):
     recipe = replace(TINY, train=TINY.train.override({"ppo.iterations": 12}))
     node = cluster.add_node(num_cpus=1)
