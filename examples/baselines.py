@@ -16,14 +16,14 @@ from rich.progress import track
 from torch import Tensor, nn
 
 from kine2go_warp.benchmark.observation import recorded_observations
-from kine2go_warp.benchmark.run import STATES, first_action, references
+from kine2go_warp.benchmark.run import first_action, references
 from kine2go_warp.benchmark.splits import split_of
-from kine2go_warp.cli.main import report
+from kine2go_warp.cli.main import run_script
 from kine2go_warp.dataset import Dataset, open_dataset
 from kine2go_warp.deployment.export import quiet_exporter
-from kine2go_warp.errors import DatasetError, Kine2GoError
+from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
-from kine2go_warp.rollouts.worlds import Scene
+from kine2go_warp.rollouts.worlds import STATES, Scene
 
 FEATURES = (
     *("height", "gravity", "linear_velocity", "angular_velocity", "joint_position", "joint_velocity", "action-1"),
@@ -167,11 +167,7 @@ def run(settings: Settings) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the script and return its exit status: 2 for an error that the user can mend."""
-    try:
-        run(tyro.cli(Settings, description=Settings.__doc__, args=arguments))
-    except Kine2GoError as error:
-        return report(str(error))
-    return 0
+    return run_script(run, Settings, arguments)
 
 
 if __name__ == "__main__":

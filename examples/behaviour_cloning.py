@@ -21,7 +21,7 @@ from rich.progress import track
 from tensordict import TensorDict
 from torch import Tensor, nn
 
-from kine2go_warp.cli.main import report
+from kine2go_warp.cli.main import run_script
 from kine2go_warp.dataset import OBSERVATION_ARRAYS, Dataset, compute_statistics, load_rows, open_dataset
 from kine2go_warp.dataset.statistics import compute_moments
 from kine2go_warp.dataset.torch_windows import Batch, WindowLoader
@@ -264,11 +264,7 @@ def run(settings: Settings) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the script and return its exit status: 2 for an error that the user can mend."""
-    try:
-        run(tyro.cli(Settings, description=Settings.__doc__, args=arguments))
-    except Kine2GoError as error:
-        return report(str(error))
-    return 0
+    return run_script(run, Settings, arguments)
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ def shown_sentences(page: str) -> list[str]:
 def test_the_output_on_pages_is_in_the_words_of_the_code(path, printed):
     """Numbers may be of another day; docs/first-hour.md is compared with what its commands print."""
     sentences = [one for one in shown_sentences(path.read_text()) if not one.endswith(SHORT)]
-    # What is said of a dataset may be a sentence of its own behind the name.
+    # Messages about a dataset may be printed as ``NAME: message``; the code then has the message alone.
     forms = {one: (one, one.partition(": ")[2]) for one in sentences}
     unknown = [
         one for one in sentences if not any(pattern.fullmatch(form) for pattern in printed for form in forms[one])

@@ -18,6 +18,7 @@ from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.scores.plots import new_figure, save
 
 SLOWEST_KERNELS = 10
 """Kernels that are listed by the share of their time."""
@@ -125,9 +126,7 @@ def shares_of(launches: list[tuple[str, float]]) -> dict[str, float]:
 
 def draw_sweep(report: BenchReport, path: Path) -> None:
     """Draw the rates over the number of worlds, with the range of the repeats."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = new_figure(7.0, 4.5)
     axes = figure.subplots()
     for name in (ENVIRONMENT, TRAINING, NATIVE):
         rows = [one for one in report.measurements if one.name.endswith(f" worlds: {name}")]
@@ -142,4 +141,4 @@ def draw_sweep(report: BenchReport, path: Path) -> None:
     axes.set_title(f"{report.as_record()['machine']['device']}, preset {report.settings['preset']}")
     axes.grid(which="both", alpha=0.3)
     axes.legend()
-    figure.savefig(path, dpi=150)
+    save(figure, path)

@@ -16,6 +16,7 @@ from kine2go_warp.benchmark.splits import VERSION
 from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.scores.plots import COLOURS, new_figure, save
+from kine2go_warp.scores.report import without_nan
 from kine2go_warp.scores.statistics import Estimate
 from kine2go_warp.settings import from_dictionary
 
@@ -106,15 +107,6 @@ class Leaderboard:
         """Write the file."""
         with atomic_file(path) as temporary:
             temporary.write_text(json.dumps(without_nan(asdict(self)), indent=1, allow_nan=False) + "\n")
-
-
-def without_nan(value: Any) -> Any:
-    """Return nested values as JSON has them: null instead of NaN."""
-    if isinstance(value, dict):
-        return {name: without_nan(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [without_nan(one) for one in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def read_result(values: dict[str, Any]) -> MotionResult:

@@ -15,7 +15,7 @@ from kine2go_warp.dataset.access import Dataset
 from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.rollouts.worlds import Scene, Worlds
+from kine2go_warp.rollouts.worlds import STATES, Scene, Worlds
 from kine2go_warp.rotations import rotation_angle
 from kine2go_warp.scores.registry import METRICS, Rollouts
 from kine2go_warp.scores.statistics import Estimate, estimate_mean, estimate_share
@@ -26,10 +26,6 @@ SURVIVAL, SCORE = "survival", "score"
 CONDITIONS = ("recorded", "perturbed")
 """From the recorded initial states, and with a kick to the base there."""
 
-STATES = (
-    "root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity", "joint_position",
-    "joint_velocity",
-)  # fmt: skip
 REFERENCES = (
     "reference_root_position", "reference_root_orientation", "reference_joint_position",
     "reference_root_linear_velocity", "reference_root_angular_velocity", "reference_joint_velocity",

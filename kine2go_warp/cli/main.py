@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from kine2go_warp import __version__
@@ -110,7 +110,7 @@ def reason_of(error: Exception) -> str:
     if isinstance(error, OSError):
         return explain(error)
     if is_out_of_memory(error):
-        return "out of memory; try half as many worlds, or of gather half as many --trajectories"
+        return "out of memory; try half as many worlds, or for gather half as many --trajectories"
     return ""
 
 
@@ -244,6 +244,23 @@ def report(message: str) -> int:
     """Print an error in one line and return the exit status."""
     print(f"kine2go: error: {sentence(' '.join(message.split()))}", file=sys.stderr)
     return USER_ERROR
+
+
+def run_script(run: Callable[[Any], None], settings: type, arguments: Sequence[str] | None = None) -> int:
+    """Run a script whose options are the fields of a dataclass, and return the exit status.
+
+    Args:
+        run: What it does.
+        settings: The dataclass.
+        arguments: Of the command line; by default those of this process.
+    """
+    import tyro
+
+    try:
+        run(tyro.cli(settings, description=settings.__doc__, args=arguments))
+    except Kine2GoError as error:
+        return report(str(error))
+    return 0
 
 
 def entry_point() -> None:

@@ -87,7 +87,8 @@ class Simulation:
     def advance(self, motors: Motors, reference_step: wp.array[Any]) -> None:
         """Run the substeps of a control step.
 
-        MuJoCo Warp is stepped itself: Newton's own step would place all bodies and convert forces that nobody uses.
+        ``mujoco_warp.step`` is called directly: Newton's step also computes body poses and converts forces, which are
+        not used here.
         """
         robot, data = self.robot, self.data
         for substep in range(self.config.substeps):

@@ -187,7 +187,7 @@ def fingerprint(dataset: Dataset, record: ExportRecord, include_rejected: bool) 
 
 
 def default_folder(path: Path, form: str) -> Path:
-    """Return where an export goes if nothing else is said: beside the dataset, or here if that lies on a server."""
+    """Return the default folder of an export: beside a local dataset, in the current folder for a remote one."""
     if is_remote(located(path)):
         return Path(f"{path.stem}-{form}")
     whole = path if path.name else path.absolute()

@@ -5,7 +5,6 @@ All but the buffers hold transitions (``features.Transitions``). Each motion is 
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.errors import ExportError
 from kine2go_warp.exports.features import GOAL, REWARD, STATE, Field, joined, stored, transitions
-from kine2go_warp.exports.target import Output, Target, check_finite, learning_fields, task_sentence
+from kine2go_warp.exports.target import Output, Target, check_finite, learning_fields, task_sentence, write_json
 from kine2go_warp.rotations import conjugate, rotate
 
 MINARI_VERSION = "0.5.0"
@@ -213,17 +212,11 @@ def list_buffers(output: Output) -> None:
     (output.folder / "motions.txt").write_text("".join(f"{name}.hdf5\n" for name in output.motions))
 
 
-def write_json(content: Any, path: Path) -> None:
-    """Write JSON that people can read."""
-    path.write_text(json.dumps(content, indent=1))
-
-
 MINARI = Target(
     title="Minari datasets, one a motion",
     write=write_minari,
     fields=transition_fields,
-    time_rule=TRANSITION_RULE
-    + " Observations are `observation.state` and `observation.environment_state` side by side.",
+    time_rule=FLAT_RULE,
     loading="""\
 import os
 
@@ -240,8 +233,7 @@ D4RL = Target(
     title="D4RL's flat HDF5, a file a motion",
     write=write_d4rl,
     fields=transition_fields,
-    time_rule=TRANSITION_RULE
-    + " Observations are `observation.state` and `observation.environment_state` side by side.",
+    time_rule=FLAT_RULE,
     loading="""\
 import h5py
 

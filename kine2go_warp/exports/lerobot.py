@@ -16,7 +16,7 @@ from kine2go_warp.errors import ExportError
 from kine2go_warp.exports.features import Field, stored
 from kine2go_warp.exports.lerobot_statistics import EpisodeStatistics, episode_statistics, merged_statistics
 from kine2go_warp.exports.rolling import FILE_MEGABYTES, FILES_A_CHUNK, PATH_TEMPLATE, RollingParquet, as_table
-from kine2go_warp.exports.target import Output, Target, check_finite, learning_fields, task_sentence
+from kine2go_warp.exports.target import Output, Target, check_finite, learning_fields, task_sentence, write_json
 
 CODEBASE_VERSION = "v3.0"
 
@@ -104,8 +104,8 @@ def finish(output: Output) -> None:
         for row in pq.read_table(path).to_pylist():
             total = merged_statistics(total, EpisodeStatistics.from_columns(row, names))
     write_tasks([task_sentence(output.dataset.motion(name)) for name in output.motions], meta / "tasks.parquet")
-    write_json(total.as_json(), meta / "stats.json")
-    write_json(information(output), meta / "info.json")
+    write_json(total.as_json(), meta / "stats.json", indent=4)
+    write_json(information(output), meta / "info.json", indent=4)
 
 
 def information(output: Output) -> dict[str, Any]:
@@ -222,11 +222,6 @@ def write_tasks(tasks: list[str], path: Path) -> None:
     table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())})
     path.parent.mkdir(parents=True, exist_ok=True)
     pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(note)}), path)
-
-
-def write_json(content: Any, path: Path) -> None:
-    """Write JSON that people can read."""
-    path.write_text(json.dumps(content, indent=4))
 
 
 LEROBOT = Target(

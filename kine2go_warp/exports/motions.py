@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.motion import Motion, Trajectory
 from kine2go_warp.exports.features import Field, stored
 from kine2go_warp.exports.target import Output, Target, check_finite
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.rotations import conjugate, multiply, rotate, rotation_vector
 
 Array = NDArray[np.float64]
@@ -99,8 +100,8 @@ def write_mimickit(motion: BodyMotion, path: Path) -> None:
 def write_amp(motion: BodyMotion, path: Path) -> None:
     """Write the 61 columns of AMP as JSON: pose, joints, feet, and the velocities of them in the frame of the base."""
     turn = conjugate(motion.array("root_orientation"))
-    places = np.array([3 * LEGS.index(leg) + joint for leg in AMP_LEGS for joint in range(3)])
-    legs = [LEGS.index(leg) for leg in AMP_LEGS]
+    places = np.array([3 * LEG_NAMES.index(leg) + joint for leg in AMP_LEGS for joint in range(3)])
+    legs = [LEG_NAMES.index(leg) for leg in AMP_LEGS]
     linear = rotate(turn, motion.array("root_linear_velocity"))
     angular = rotate(turn, motion.array("root_angular_velocity"))
     each = turn[:, None]
@@ -174,10 +175,6 @@ def write_unitree(motion: BodyMotion, path: Path) -> None:
     np.savetxt(path, values, fmt="%.9g", delimiter=",", header=",".join(names), comments="")
 
 
-LEGS = ("FL", "FR", "RL", "RR")
-"""Order of the legs in our arrays."""
-
-
 def body_fields(motion: Motion) -> list[Field]:
     """Return the arrays that a motion for a tracker is made of."""
     return [stored(motion, name) for name in BODY_ARRAYS]
@@ -227,6 +224,13 @@ def as_motion(output: Output, one: Trajectory) -> BodyMotion:
 
 
 _FILE = "{motion}/trajectory-0000"
+READ_PICKLE = f"""\
+from pathlib import Path
+from kine2go_warp.motions.sources.joint_files import read_pickle
+
+frames = read_pickle(Path("{_FILE}.pkl")).values  # rows x columns; no code in the file is run
+"""
+"""A pickle can run any code when it is opened; this reader refuses all but numbers, texts, lists and arrays."""
 
 MOTION_TARGETS = {
     "mjlab": tracker(
@@ -238,7 +242,7 @@ MOTION_TARGETS = {
     ),
     "mimickit": tracker(
         "motions for MimicKit, a pickle a trajectory", ".pkl", write_mimickit,
-        f'import pickle\n\nwith open("{_FILE}.pkl", "rb") as file:\n    frames = pickle.load(file)["frames"]\n',
+        READ_PICKLE,
         "`frames` has base position, rotation vector and joints, legs FL, FR, RL, RR; the pickle holds lists and "
         "numbers alone.",
     ),
@@ -251,7 +255,7 @@ MOTION_TARGETS = {
     ),
     "humanoidverse": tracker(
         "motions for HumanoidVerse, PHC and ASAP, a pickle a trajectory", ".pkl", write_humanoidverse,
-        f'import joblib\n\nmotions = joblib.load("{_FILE}.pkl")\n',
+        READ_PICKLE,
         "`root_trans_offset`, `root_rot` (x, y, z, w), `dof`, `pose_aa` (rotation vectors of base and joints), `fps`.",
     ),
     "protomotions": tracker(
@@ -267,4 +271,9 @@ MOTION_TARGETS = {
 }  # fmt: skip
 """The formats for trackers."""
 
-MJLAB, MIMICKIT, AMP, HUMANOIDVERSE, PROTOMOTIONS, UNITREE = (one.target for one in MOTION_TARGETS.values())
+MJLAB = MOTION_TARGETS["mjlab"].target
+MIMICKIT = MOTION_TARGETS["mimickit"].target
+AMP = MOTION_TARGETS["amp"].target
+HUMANOIDVERSE = MOTION_TARGETS["humanoidverse"].target
+PROTOMOTIONS = MOTION_TARGETS["protomotions"].target
+UNITREE = MOTION_TARGETS["unitree"].target

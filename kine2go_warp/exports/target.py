@@ -1,9 +1,11 @@
 """What describes a format of export, and what its writer is given."""
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -104,3 +106,8 @@ def task_sentence(motion: Motion) -> str:
         parts.append(f"turn {'left' if turn > 0.0 else 'right'} at {abs(turn):.1f} rad/s")
     verb = "Play once the motion" if motion.attributes.get("kind") == "once" else "Repeat the motion"
     return f"{verb} {motion.name.replace('_', ' ')}: {', '.join(parts)}."
+
+
+def write_json(content: Any, path: Path, indent: int = 1) -> None:
+    """Write JSON that people can read."""
+    path.write_text(json.dumps(content, indent=indent))

@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.dataset.motion import MotionData
 from kine2go_warp.errors import DatasetError
-from kine2go_warp.rollouts.worlds import Engine, Scene, Worlds
+from kine2go_warp.rollouts.worlds import STATES, Engine, Scene, Worlds
 from kine2go_warp.rotations import rotation_angle
 
 HORIZONS = (0.25, 0.5, 1.0, 2.0)
-"""Times at which it is told how far replay and record have parted [s]."""
-
-STATES = (
-    "root_position",
-    "root_orientation",
-    "root_linear_velocity",
-    "root_angular_velocity",
-    "joint_position",
-    "joint_velocity",
-)
-"""Arrays that are compared."""
+"""Times at which the distance between replay and record is reported [s]."""
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,22 @@ Engine = Literal["newton", "mujoco"]
 FRICTION = ("joint_friction", "friction_anchor")
 """Parts of the initial state that older datasets lack: their joints had no friction."""
 
+STATES = (
+    "root_position",
+    "root_orientation",
+    "root_linear_velocity",
+    "root_angular_velocity",
+    "joint_position",
+    "joint_velocity",
+)
+"""The state of a robot, by the names of the dataset's arrays."""
+
 
 class Worlds(Protocol):
-    """One robot a world. States are by the names of the dataset's arrays, the first axis being the world."""
+    """One robot a world; the first axis of all arrays is the world."""
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return pose and velocities of the roots, and positions and velocities of the joints."""
+        """Return the arrays of ``STATES``."""
         ...
 
     def loads(self) -> dict[str, NDArray[Any]]:

@@ -126,13 +126,15 @@ def write_json(dataset: Path, measured: Sequence[MotionMetrics], scores: Dataset
         temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
-def _plain(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
-    """Return estimates as JSON has them: null instead of NaN."""
+def _plain(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Return estimates as JSON has them."""
+    return without_nan({name: asdict(estimate) for name, estimate in estimates.items()})
 
-    def without_nan(value: float) -> float | None:
-        return None if math.isnan(value) else value
 
-    return {
-        name: {field: without_nan(value) for field, value in asdict(estimate).items()}
-        for name, estimate in estimates.items()
-    }
+def without_nan(value: Any) -> Any:
+    """Return nested values as JSON has them: null instead of NaN."""
+    if isinstance(value, dict):
+        return {name: without_nan(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(one) for one in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
