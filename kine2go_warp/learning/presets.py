@@ -12,6 +12,8 @@ from kine2go_warp.env.config import (
     PhaseSamplingConfig,
     ResetConfig,
 )
+from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.observations import OBSERVATIONS, REFERENCE_OBSERVATIONS
 from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError
@@ -136,7 +138,8 @@ class Preset:
     """All settings of a training: environment, learner, and when it stops."""
 
     preset: str = "paper"
-    """Name of the preset that the settings began with: fast, paper, robust, or FILE.py:NAME for one of your own."""
+    """Name of the preset that the settings began with: fast, paper, robust, no_state_estimation, or FILE.py:NAME
+    for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     stopping: StoppingConfig = field(default_factory=StoppingConfig)
@@ -206,7 +209,22 @@ ROBUST = replace(
 )
 """``fast`` with everything drawn that differs between robots, a critic that sees it, and pushes."""
 
-PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST)}
+NO_STATE_ESTIMATION = replace(
+    FAST,
+    preset="no_state_estimation",
+    env=replace(
+        FAST.env,
+        observations=with_term(OBSERVATIONS, "linear_velocity_b", enabled=False),
+        reference_observations=with_term(REFERENCE_OBSERVATIONS, "reference_position_h", enabled=False),
+        privileged=True,
+    ),
+)
+"""``fast`` without what a robot does not measure: where its base is and how fast it moves.
+
+The critic, which only training needs, sees the velocity and the height.
+"""
+
+PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, NO_STATE_ESTIMATION)}
 
 
 def find_preset(name: str) -> Preset:
