@@ -122,14 +122,16 @@ def results_table(
         more: Further columns, a text for each result, by their headings.
     """
     from kine2go_warp.evaluation.metrics import METRICS_BY_NAME
-    from kine2go_warp.tables import make_table, number_text
+    from kine2go_warp.tables import Cell, make_table, number_text
 
     more = more or {}
     rows = []
     for index, one in enumerate(results):
         share = f"{number_text(one.survival.value)} ({one.survival.low:.2f}-{one.survival.high:.2f})"
         numbers = (number_text(one.estimate(name).value) for name in HEADLINES)
-        rows.append((one.clip, one.condition, share, *numbers, *(texts[index] for texts in more.values())))
+        rows.append(
+            (Cell(one.clip, code=True), one.condition, share, *numbers, *(texts[index] for texts in more.values()))
+        )
     columns = (f"{METRICS_BY_NAME[name].heading} [{METRICS_BY_NAME[name].unit}]" for name in HEADLINES)
     headings = ("clip", condition, "survival [1] (95 %)", *columns, *more)
     return make_table(title, headings, rows, ("clip", condition))
