@@ -167,10 +167,11 @@ def only_clip(policy: PolicyFolder, record: PolicyRecord) -> MotionClip:
     Raises:
         PolicyError: there are several.
     """
-    clips = policy.read_clips(record)
-    if len(clips) > 1:
-        raise PolicyError(f"{policy.path}: tracks several clips, name one of: {', '.join(one.name for one in clips)}")
-    return clips[0]
+    clip, *others = policy.read_clips(record)
+    if others:
+        names = ", ".join(one.name for one in (clip, *others))
+        raise PolicyError(f"{policy.path}: tracks several clips, name one of: {names}")
+    return clip
 
 
 def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str, object]:
