@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -146,7 +147,7 @@ class Deployment:
             Kine2GoError: one does not come.
         """
         until = time.monotonic() + CONNECT_SECONDS
-        needed = {"state": self.link.state}
+        needed: dict[str, Callable[[], Any]] = {"state": self.link.state}
         if self.supervisor.needs_estimate:
             needed["estimate of its base"] = self.link.estimate
         for name, read in needed.items():

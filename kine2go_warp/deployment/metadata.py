@@ -230,10 +230,10 @@ class PolicyMetadata:
             values = json.loads(text)
         except ValueError as error:
             raise PolicyError(f"{where}: holds no metadata that can be read ({error})") from None
-        return cls._from_values(values, where)
+        return cls.from_values(values, where)
 
     @classmethod
-    def _from_values(cls, values: Any, where: str) -> "PolicyMetadata":
+    def from_values(cls, values: Any, where: str) -> "PolicyMetadata":
         """Return the metadata of what a file holds."""
         version = values.get("format_version") if isinstance(values, dict) else None
         if version is None:
@@ -266,4 +266,4 @@ def read_metadata(folder: Path) -> PolicyMetadata:
         raise PolicyError(f"{observation}: missing; export the policy again") from None
     except (ValueError, KeyError, TypeError) as error:
         raise PolicyError(f"{observation}: cannot be read ({error!r}); export the policy again") from None
-    return PolicyMetadata._from_values(values, str(file))
+    return PolicyMetadata.from_values(values, str(file))

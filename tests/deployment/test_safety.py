@@ -60,7 +60,7 @@ def test_a_run_without_trouble_goes_through_all_phases_in_time():
 
 def test_it_waits_for_the_operator_however_long_and_starts_on_the_word_alone():
     supervisor = Supervisor(JOINTS, LIMITS, replace(SCHEDULE, start_after=None))
-    now, _ = advance(supervisor, 60.0)
+    now, _ = advance(supervisor, 12.0)
     assert supervisor.phase is Phase.READY
     assert supervisor.update(now, state_at(now), None, start=True) is Phase.TRACKING
 
