@@ -13,11 +13,11 @@ from kine2go_warp.settings import check_ranges
 class Phase(Enum):
     """What the robot is doing."""
 
-    STANDING_UP = "standing up"
-    READY = "standing"
-    TRACKING = "tracking"
-    HALTING = "coming to a stand"
-    DAMPED = "damped"
+    STANDING_UP = "the robot stands up"
+    READY = "the robot stands and waits"
+    TRACKING = "the robot tracks the clip"
+    HALTING = "the robot comes to a stand"
+    DAMPED = "the robot is damped"
     """Never left."""
 
 
