@@ -186,7 +186,7 @@ def test_a_robot_that_is_gone_is_one_line(clip, dataset_copy, tmp_path, capsys):
     for command in ("score", "check", "replay"):
         assert "gone.py: no such Python file" in error_of(capsys, command, dataset_copy)
     assert next(open_dataset(dataset_copy).trajectories()).length > 100, "data are loaded without it"
-    assert "unknown robot 'b3'; known are: go2, or FILE.py:NAME" in error_of(
+    assert "unknown robot 'b3'; known are: a1, b2, go1, go2, or FILE.py:NAME" in error_of(
         capsys, "retarget", "dog_trot", "--robot", "b3", "--out", tmp_path
     )
 
