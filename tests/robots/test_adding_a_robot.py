@@ -14,9 +14,9 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.recordings.shapes import Motors
 from kine2go_warp.robots import GO2, RobotSpec, robot_named
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.robots.look import Motors
 from tests.conftest import ANYTHING_GOES
 from tests.robots.made_up import CALF, FOOT, PAGE, THIGH, WIDTH, urdf, write_robot
 
