@@ -81,12 +81,18 @@ def train(
 
 
 @named_extras()
-def evaluate(policy: "PolicyFolder | StrPath", device: str | None = None, **settings: Any) -> "list[Result]":
+def evaluate(
+    policy: "PolicyFolder | StrPath",
+    device: str | None = None,
+    clips: "MotionClip | StrPath | Sequence[MotionClip | StrPath]" = (),
+    **settings: Any,
+) -> "list[Result]":
     """Evaluate a policy with and without noise, randomisation and pushes. Needs the extra ``train``.
 
     Args:
         policy: A trained policy, or its folder.
         device: ``cpu`` or ``cuda``; by default CUDA where there is one.
+        clips: Clips to track, or their files, instead of those that it was trained on.
         settings: Fields of ``EvalConfig``.
 
     Raises:
@@ -95,7 +101,7 @@ def evaluate(policy: "PolicyFolder | StrPath", device: str | None = None, **sett
     from kine2go_warp.evaluation.config import EvalConfig
     from kine2go_warp.evaluation.evaluate import evaluate as evaluate_policy
 
-    return evaluate_policy(as_policy(policy), EvalConfig(**settings), device)
+    return evaluate_policy(as_policy(policy), EvalConfig(**settings), device, clips=as_clips(clips))
 
 
 @named_extras()
@@ -105,6 +111,7 @@ def gather(
     motions: Sequence[str] = (),
     device: str | None = None,
     on_progress: Callable[[int, int, str], None] | None = None,
+    clips: "MotionClip | StrPath | Sequence[MotionClip | StrPath]" = (),
     **settings: Any,
 ) -> "list[GatherResult]":
     """Roll a policy out and add the good rollouts to a dataset, a motion for each clip. Needs the extra ``train``.
@@ -113,12 +120,13 @@ def gather(
         policy: A trained policy, or its folder.
         dataset: The Zarr store; it is created, or the motions are added to it.
         motions: Which of its clips the policy tracks; by default all.
+        clips: Clips that it was not trained on, or their files, instead.
         device: ``cpu`` or ``cuda``; by default CUDA where there is one.
         on_progress: Called now and then with what is done, the total, and details in words.
         settings: Fields of ``GatherConfig``, such as ``trajectories``.
 
     Raises:
-        PolicyError: the policy cannot be read, or does not track a motion.
+        PolicyError: the policy cannot be read, was not trained on a motion, or drives another robot than a clip's.
         DatasetError: too few rollouts were accepted.
     """
     from kine2go_warp.dataset.writer import DatasetWriter
@@ -126,10 +134,10 @@ def gather(
     from kine2go_warp.rollouts.gather import gather as gather_motion
 
     policy, config = as_policy(policy), GatherConfig(**settings)
-    robot = policy.robot
+    robot, record = policy.robot, policy.read_record()
     return [
-        gather_motion(policy, DatasetWriter(Path(dataset), robot), config, device, on_progress, motion=motion)
-        for motion in policy.motions(motions)
+        gather_motion(policy, DatasetWriter(Path(dataset), robot), config, device, on_progress, clip=clip)
+        for clip in as_clips(clips) or policy.chosen_clips(record, motions)
     ]
 
 

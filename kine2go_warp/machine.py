@@ -1,7 +1,8 @@
-"""The machine that something was made or measured on."""
+"""The machine that something was made or measured on, and its processor time."""
 
 import contextlib
 import importlib.metadata
+import os
 import platform
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +22,12 @@ def machine(device: str) -> dict[str, str]:
     if driver is not None:
         found["driver"] = f"CUDA {driver[0]}.{driver[1]}"
     return {**found, **package_versions(), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+
+
+def core_seconds() -> float:
+    """Return the processor time of this process and of its children that have ended [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def package_versions() -> dict[str, str]:

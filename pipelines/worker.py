@@ -1,6 +1,5 @@
 """What a worker does: the next stage of a motion, with a log, wherever it is called."""
 
-import os
 import platform
 import time
 import traceback
@@ -11,6 +10,7 @@ from typing import Literal
 from kine2go_warp import __version__
 from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.interruption import TrainingInterrupted
+from kine2go_warp.machine import core_seconds
 from kine2go_warp.pipelines.artefacts import ArtefactRecord
 from kine2go_warp.pipelines.job import Job, Monitor, StageStopped
 from kine2go_warp.pipelines.plan import StagePlan, finished_artefacts, plan
@@ -91,9 +91,3 @@ def make(job: Job, following: StagePlan, plans: list[StagePlan]) -> StageOutput:
         )
         slot.finish(record)
     return made
-
-
-def core_seconds() -> float:
-    """Return the processor time of this process and of its children that have ended [s]."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system

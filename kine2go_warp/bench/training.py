@@ -4,6 +4,7 @@ import contextlib
 import io
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 import warp as wp
@@ -15,7 +16,10 @@ from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.training.parallel import ParallelVecEnv
-from kine2go_warp.training.runner import ImitationRunner, TrainingProgress
+from kine2go_warp.training.runner import ImitationRunner
+
+if TYPE_CHECKING:
+    from kine2go_warp.training.logger import TrainingProgress
 
 WARM_UP = 2
 """Iterations that are not counted."""

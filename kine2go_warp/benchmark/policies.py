@@ -117,6 +117,20 @@ def onnx_policy(path: Path, name: str = "") -> BenchmarkPolicy:
     return BenchmarkPolicy(name or manifest.name or path.stem, sha256_of(path), lambda *_: act)
 
 
+def exported(folder: Path) -> Path:
+    """Return where the export of a policy lies, after making it if there is none of the policy as it is.
+
+    Raises:
+        PolicyError: the policy cannot be read.
+    """
+    policy, path = PolicyFolder(folder), default_folder(PolicyFolder(folder))
+    policy.read_record()
+    checkpoint = policy.checkpoint_hash()
+    if not path.exists() or ExportedPolicy.load(path).metadata.checkpoint_sha256 != checkpoint:
+        export_policy(policy, path, overwrite=True)
+    return path
+
+
 def our_policy(folder: Path, name: str = "") -> BenchmarkPolicy:
     """Return a policy of ours, from its folder, where it is exported if it has not been, or from an export.
 
@@ -124,12 +138,7 @@ def our_policy(folder: Path, name: str = "") -> BenchmarkPolicy:
         PolicyError: it cannot be read.
     """
     if not (folder / ONNX_FILE).is_file():
-        policy, exported = PolicyFolder(folder), default_folder(PolicyFolder(folder))
-        policy.read_record()
-        checkpoint = policy.checkpoint_hash()
-        if not exported.exists() or ExportedPolicy.load(exported).metadata.checkpoint_sha256 != checkpoint:
-            export_policy(policy, exported, overwrite=True)
-        name, folder = name or folder.name or folder.resolve().name, exported
+        name, folder = name or folder.name or folder.resolve().name, exported(folder)
     exported_policy = ExportedPolicy.load(folder)
 
     def begin(spec: RobotSpec, reference: Rows) -> Act:

@@ -5,7 +5,16 @@ from pathlib import Path
 
 import tyro
 
-from kine2go_warp.cli.data import CatalogueFile, DataFolder, Device, PolicyPath, data_folder
+from kine2go_warp.cli.data import (
+    CatalogueFile,
+    DataFolder,
+    Device,
+    OtherClips,
+    PolicyPath,
+    data_folder,
+    read_clips,
+)
+from kine2go_warp.errors import PolicyError
 from kine2go_warp.rollouts.config import GatherConfig
 
 
@@ -27,6 +36,7 @@ class Gather:
     """Policy folder made by 'kine2go policy train'."""
     motions: tuple[str, ...] = ()
     """Which of the clips that the policy tracks; by default all, each as a motion of its own."""
+    clips: OtherClips = ()
     out: Path = Path("runs/dataset.zarr")
     """The dataset, a Zarr store; it is created, or the motions are added to it."""
     device: Device = None
@@ -45,18 +55,22 @@ class Gather:
         from kine2go_warp.rollouts.gather import gather
 
         policy = PolicyFolder(self.policy)
-        motions = policy.motions(self.motions)
+        record = policy.read_record()
+        others = policy.checked_clips(record, read_clips(self.clips))
+        if others and self.motions:
+            raise PolicyError("--clips are others than the policy's own, which --motions names; give one of the two")
+        clips = others or policy.chosen_clips(record, self.motions)
         limit_threads()
         results = []
         with Progress() as progress:
-            for motion in motions:
-                progress.stage(motion, "gather")
+            for clip in clips:
+                progress.stage(clip.name, "gather")
                 writer = DatasetWriter(self.out, policy.robot)
                 advanced = progress.advanced
                 results.append(
-                    gather(policy, writer, self.config, self.device, advanced, self.strict, motion, self.catalogue)
+                    gather(policy, writer, self.config, self.device, advanced, self.strict, clip, self.catalogue)
                 )
-        print_summaries(summarise(self.out, motions), self.out)
+        print_summaries(summarise(self.out, [clip.name for clip in clips]), self.out)
         for result in results:
             print_rejections(result)
         return 0

@@ -1,6 +1,7 @@
 """Arguments that several commands take, and where the source clips are."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,12 +12,20 @@ from kine2go_warp.motions.keypoints import RATES
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.motion import Motion
+    from kine2go_warp.motions.clip import MotionClip
 
 DATA_VARIABLE = "KINE2GO_DATA"
 
 DatasetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET")]
 PolicyPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
 ClipPaths = Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="CLIP [CLIP ...]")]
+OtherClips = Annotated[
+    tuple[Path, ...],
+    tyro.conf.arg(
+        metavar="[CLIP [CLIP ...]]",
+        help="Clips (.npz) to track instead of those that the policy was trained on.",
+    ),
+]
 Device = Annotated[
     str | None, tyro.conf.arg(metavar="{cpu,cuda}", help="Where to simulate; by default cuda where there is one.")
 ]
@@ -45,6 +54,17 @@ def data_folder(given: Path | None) -> Path | None:
     if folder is not None and not folder.is_dir():
         raise CatalogueError(f"{folder}: no such folder of source clips")
     return folder
+
+
+def read_clips(paths: Sequence[Path]) -> "list[MotionClip]":
+    """Read clips.
+
+    Raises:
+        ClipError: one cannot be read.
+    """
+    from kine2go_warp.motions.clip import MotionClip
+
+    return [MotionClip.load(path) for path in paths]
 
 
 def check_data(motion: "Motion") -> None:

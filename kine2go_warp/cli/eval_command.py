@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import Device, PolicyPath
+from kine2go_warp.cli.data import Device, OtherClips, PolicyPath, read_clips
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
+from kine2go_warp.files import atomic_file
+from kine2go_warp.tables import markdown
 
 if TYPE_CHECKING:
     from kine2go_warp.evaluation.metrics import Result
@@ -32,8 +34,11 @@ class Eval:
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""
+    clips: OtherClips = ()
     json: Path | None = None
     """Write the results to this file, and the pictures beside it; by default eval.json in the policy folder."""
+    markdown: Path | None = None
+    """Write the table to this file, too."""
     overwrite: bool = False
     """Replace the file if it is there; the one in the policy folder always is."""
     device: Device = None
@@ -47,6 +52,7 @@ class Eval:
         policy = PolicyFolder(self.policy)
         policy.read_record()
         policy.latest_checkpoint()
+        clips = read_clips(self.clips)
 
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.device import choose_device
@@ -58,14 +64,14 @@ class Eval:
         device = choose_device(self.device)
         with Progress() as progress:
             progress.stage(policy.path.resolve().name, "eval")
-            results = evaluate(policy, self.config, device, progress.advanced)
+            results = evaluate(policy, self.config, device, progress.advanced, clips)
         path = self.json or policy.path / "eval.json"
         write_evaluation(policy, self.config, results, device, path)
         pictures = [
             draw_phases(clip, results, path.with_name(f"{path.stem}_{clip}.png"))
             for clip in dict.fromkeys(one.clip for one in results)
         ]
-        print_results(policy.path, self.config, results)
+        print_results(policy.path, self.config, results, self.markdown)
         print(f"{path}: all metrics with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
         return 0
 
@@ -87,14 +93,18 @@ def shown(pictures: Sequence[Path]) -> str:
     return ", ".join(map(str, pictures[:3])) + (f" and {len(pictures) - 3} more" if len(pictures) > 3 else "")
 
 
-def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]") -> None:
-    """Print a line for each clip and condition."""
+def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]", file: Path | None) -> None:
+    """Print a line for each clip and condition, and write them as Markdown to a file, if one is named."""
     from kine2go_warp.cli.tables import print_table, say
     from kine2go_warp.evaluation.metrics import MIN_SURVIVAL, THRESHOLDS
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
     met = ["yes" if one.meets_thresholds else "no" for one in results]
-    print_table(results_table(title, "condition", results, {"meets thresholds": met}))
+    table = results_table(title, "condition", results, {"meets thresholds": met})
+    print_table(table)
+    if file is not None:
+        with atomic_file(file) as temporary:
+            temporary.write_text(markdown(table))
     thresholds = ", ".join(f"{name} <= {value:g}" for name, value in THRESHOLDS.items())
     say(f"thresholds: {thresholds}, survival >= {MIN_SURVIVAL:g}")
     print_early_ends(results)
@@ -112,14 +122,16 @@ def results_table(
         more: Further columns, a text for each result, by their headings.
     """
     from kine2go_warp.evaluation.metrics import METRICS_BY_NAME
-    from kine2go_warp.tables import make_table, number_text
+    from kine2go_warp.tables import Cell, make_table, number_text
 
     more = more or {}
     rows = []
     for index, one in enumerate(results):
         share = f"{number_text(one.survival.value)} ({one.survival.low:.2f}-{one.survival.high:.2f})"
         numbers = (number_text(one.estimate(name).value) for name in HEADLINES)
-        rows.append((one.clip, one.condition, share, *numbers, *(texts[index] for texts in more.values())))
+        rows.append(
+            (Cell(one.clip, code=True), one.condition, share, *numbers, *(texts[index] for texts in more.values()))
+        )
     columns = (f"{METRICS_BY_NAME[name].heading} [{METRICS_BY_NAME[name].unit}]" for name in HEADLINES)
     headings = ("clip", condition, "survival [1] (95 %)", *columns, *more)
     return make_table(title, headings, rows, ("clip", condition))

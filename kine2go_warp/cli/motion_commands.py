@@ -41,13 +41,6 @@ class OwnFileOptions:
     """Whom to name for a file of your own."""
     once: bool = False
     """The motion in a file of your own is played once, between poses that are held, instead of being repeated."""
-    mirror: bool = False
-    """Also the mirror image of a file of your own, as NAME_mirrored."""
-
-    def entries(self, path: Path, own: Path | None) -> "list[CatalogueEntry]":
-        """Return the motion of a file, and its mirror image if that is asked for."""
-        entry = self.entry(path, own)
-        return [entry, entry.twin()] if self.mirror else [entry]
 
     def entry(self, path: Path, own: Path | None) -> "CatalogueEntry":
         """Return what a catalogue would say about a file."""
@@ -119,6 +112,8 @@ class Retarget:
     robot: Robot = DEFAULT_ROBOT
     data: DataFolder = None
     catalogue: CatalogueFile = None
+    mirror: bool = False
+    """Also the mirror image of each motion, as NAME_mirrored."""
     out: Path = Path("runs/clips")
     """Folder for the clips and their report.json."""
     sheets: bool = False
@@ -141,7 +136,9 @@ class Retarget:
 
         spec = robot_named(self.robot)
         folder = data_folder(self.data)
-        entries = self.entries()
+        entries = [twin for entry in self.entries() for twin in ([entry, entry.twin()] if self.mirror else [entry])]
+        if twice := next((entry.name for entry in entries if sum(entry.name == one.name for one in entries) > 1), None):
+            raise Kine2GoError(f"two motions would be named '{twice}'; leave one out, or give a file another --name")
         missing = [entry for entry in entries if self.all and not entry.is_there(folder)]
         solver = InverseKinematics(spec)
         present = [entry for entry in entries if entry not in missing]
@@ -187,14 +184,10 @@ class Retarget:
             return list(own_catalogue(self.catalogue).values())
         if self.all or not files:
             return chosen_entries(self.motions, self.all, self.catalogue)
-        entries = []
-        for name in self.motions:
-            own = self.own.entries(Path(name), self.catalogue) if name in files else []
-            entries += own or [motion_named(name, self.catalogue)]
-        names = [entry.name for entry in entries]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise Kine2GoError(f"two motions would be named '{twice}'; give one of them another --name")
-        return entries
+        return [
+            self.own.entry(Path(name), self.catalogue) if name in files else motion_named(name, self.catalogue)
+            for name in self.motions
+        ]
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,16 @@ from functools import partial
 from pathlib import Path
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import ClipPaths, Device
+from kine2go_warp.cli.data import ClipPaths, Device, read_clips
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
 from kine2go_warp.learning.stopping import StoppingConfig
 from kine2go_warp.settings import from_dictionary, to_dictionary
 from kine2go_warp.toml import place_in, read_toml, to_toml
+
+NAMED_CLIPS = 4
+"""Most clips whose names make that of their policy."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Train:
     clips: ClipPaths = ()
     """Clips (.npz) made by 'kine2go motion retarget'. One policy tracks them all, told which by the reference alone."""
     out: Path | None = None
-    """Policy folder; by default runs/policies/NAME, or NAME+NAME of several clips."""
+    """Policy folder; by default runs/policies/NAME, NAME+NAME of a few clips, or 52_clips of so many."""
     device: Device = None
     overwrite: bool = False
     """Start anew if the folder holds a policy of other clips or settings."""
@@ -59,6 +62,8 @@ class Train:
     env: EnvConfig = field(default_factory=lambda: FAST.env)
     ppo: PpoConfig = field(default_factory=lambda: FAST.ppo)
     stopping: StoppingConfig = field(default_factory=lambda: FAST.stopping)
+    initial_policy: str = ""
+    """Policy folder whose networks training begins with, instead of new ones."""
 
     def settings(self) -> Preset:
         """Return all settings, the short options included.
@@ -73,7 +78,7 @@ class Train:
             "env.terrain.kind": self.terrain,
         }
         given = {path: value for path, value in short.items() if value is not None}
-        return Preset(self.preset, self.env, self.ppo, self.stopping).override(given)
+        return Preset(self.preset, self.env, self.ppo, self.stopping, self.initial_policy).override(given)
 
     def run(self) -> int:
         """Train with a progress bar."""
@@ -81,7 +86,7 @@ class Train:
         from kine2go_warp.cli.watching import watching
         from kine2go_warp.device import choose_device, choose_processes
         from kine2go_warp.interruption import StopRequest
-        from kine2go_warp.motions.clip import MotionClip, robot_of
+        from kine2go_warp.motions.clip import robot_of
         from kine2go_warp.training.train import train
 
         settings = self.settings()
@@ -90,10 +95,10 @@ class Train:
             return 0
         if not self.clips:
             raise PolicyError("name at least one clip; 'kine2go motion retarget' makes them")
-        clips = [MotionClip.load(path) for path in self.clips]
+        clips = read_clips(self.clips)
         choose_processes(self.processes, settings.env.num_worlds, choose_device(self.device))
         limit_threads()
-        name = "+".join(clip.name for clip in clips)
+        name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"
         folder = self.out or Path("runs/policies") / name
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
         watch = watching(name, robot_of(clips), self.rerun, self.rerun_web, self.rerun_save)
@@ -132,7 +137,13 @@ def default_train(arguments: Sequence[str]) -> Train:
         base = found if preset else base_preset(section, config, locate=locate)
         section = {**section, "preset": base.preset} if isinstance(section, dict) else section
         found = from_dictionary(Preset, section, config, locate=lambda key: locate(f"train.{key}"), base=base)
-    return Train(preset=found.preset, env=found.env, ppo=found.ppo, stopping=found.stopping)
+    return Train(
+        preset=found.preset,
+        env=found.env,
+        ppo=found.ppo,
+        stopping=found.stopping,
+        initial_policy=found.initial_policy,
+    )
 
 
 def option(arguments: Sequence[str], name: str) -> str | None:

@@ -17,6 +17,7 @@ from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.files import atomic_file
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import Preset, base_preset
+from kine2go_warp.learning.stopping import TARGETS
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import check_ranges, content_hash, from_dictionary, to_dictionary
 from kine2go_warp.tables import make_table, markdown
@@ -55,6 +56,8 @@ class AblationConfig:
 
     steps: int = 245_760
     """Environment steps of each training."""
+    until_targets: bool = False
+    """Whether a training stops as soon as its policy tracks, as its preset says, and at the latest after ``steps``."""
     seeds: int = 3
     """Trainings of each variant and clip, with the seeds 1, 2, ..."""
     rollouts: int = 16
@@ -74,10 +77,11 @@ class AblationConfig:
         return EvalConfig(worlds=self.rollouts, max_distance=0.4, max_angle=0.5)
 
     def preset(self, variant: Variant, seed: int, device: str) -> Preset:
-        """Return the settings of one training, which has as many steps as all others."""
+        """Return the settings of one training, which has at most as many steps as all others."""
         preset = variant.preset.on(device)
         iterations = round(self.steps / (preset.env.num_worlds * preset.ppo.num_steps_per_env))
-        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations), "stopping.interval": 0})
+        interval = preset.stopping.interval if self.until_targets else 0
+        return preset.override({"env.seed": seed, "ppo.iterations": max(1, iterations), "stopping.interval": interval})
 
 
 @dataclass(frozen=True)
@@ -165,7 +169,8 @@ def run_trial(trial: Trial, config: AblationConfig, device: str, **training: Any
         found |= {"survival": one.survival.value, "tracked": float(one.length.mean()) / rows}
         # Rollouts that end at once have no metrics; JSON knows no NaN.
         values[one.condition] = {name: value for name, value in found.items() if value == value}  # noqa: PLR0124
-    result = {"key": key, "variant": trial.variant.name, "seed": trial.seed, "seconds": record.seconds, **values}
+    made = {"iterations": record.iterations, "core_seconds": record.core_seconds, "stopped": record.stop_reason}
+    result = {"key": key, "variant": trial.variant.name, "seed": trial.seed, **made, **values}
     with atomic_file(policy.path / RESULT_FILE) as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n")
 
@@ -179,15 +184,17 @@ def read_result(policy: PolicyFolder) -> dict[str, Any] | None:
 
 
 def ablation_table(motion: str, variants: Sequence[Variant], out: Path) -> str:
-    """Return a Markdown table of one motion: medians over seeds, and least and greatest of how long it was tracked."""
-    headings, rows = ("variant", *(column[0] for column in COLUMNS), "training [s]", "seeds"), []
+    """Return a Markdown table of one motion: medians over seeds, with least and greatest of what differs most."""
+    made = ("iterations", "core [s]", "targets reached")
+    headings, rows = ("variant", *(column[0] for column in COLUMNS), *made, "seeds"), []
     for variant in variants:
         folders = sorted((out / motion / variant.name).glob(f"seed-*/{RESULT_FILE}"))
         found = [result for path in folders if (result := read_result(PolicyFolder(path.parent))) is not None]
         if found:
-            seconds = statistics.median(result["seconds"] for result in found)
             cells = [cell(found, *column) for column in COLUMNS]
-            rows.append((f"`{variant.name}`", *cells, f"{seconds:.0f}", len(found)))
+            cells += [spread_of([result[name] for result in found]) for name in ("iterations", "core_seconds")]
+            reached = sum(result["stopped"] == TARGETS for result in found)
+            rows.append((f"`{variant.name}`", *cells, reached, len(found)))
     return f"`{motion}`\n\n{markdown(make_table('', headings, rows))}"
 
 
@@ -196,7 +203,12 @@ def cell(found: Sequence[dict[str, Any]], _title: str, condition: str, name: str
     values = [factor * result[condition][name] for result in found if name in result[condition]]
     if not values:
         return "-"
-    spread = f" ({number(min(values))} to {number(max(values))})" if name == "tracked" and len(values) > 1 else ""
+    return spread_of(values) if name == "tracked" else number(statistics.median(values))
+
+
+def spread_of(values: Sequence[float]) -> str:
+    """Return the median of some values, and the least and the greatest where they differ."""
+    spread = f" ({number(min(values))} to {number(max(values))})" if min(values) < max(values) else ""
     return number(statistics.median(values)) + spread
 
 

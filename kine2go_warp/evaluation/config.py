@@ -25,8 +25,14 @@ class EvalConfig:
     """Settings of an evaluation."""
 
     worlds: int = 64
-    """Rollouts of each clip under each condition; their initial phases and headings are evenly spaced. Those of a clip
-    that is played once begin at its first frame."""
+    """Rollouts of each clip under each condition; their headings are evenly spaced."""
+    start: Literal["phases", "first_frame"] = "phases"
+    """Where in a clip rollouts begin: ``phases``, evenly spaced over the cycle, or all at its first frame, where those
+    of a clip that is played once always begin."""
+    stochastic: bool = True
+    """Whether to evaluate also with the policy's noise on its actions."""
+    randomised: bool = True
+    """Whether to evaluate also in worlds that differ, with pushes."""
     seconds: float = 20.0
     """Length of a rollout [s]; one of a clip that is played once ends with the clip."""
     randomization: Literal["mild", "robust"] = "mild"
@@ -58,8 +64,8 @@ class EvalConfig:
         return rollout_environment(trained, num_worlds, self.seed, self.seconds + 1.0, limits, randomization)
 
     def initial_phases(self, clip: MotionClip) -> np.ndarray:
-        """Return the initial phases, the middles of equal parts of a cycle, shape [worlds]."""
-        if clip.cycle is None:
+        """Return the initial phases, the middles of equal parts of a cycle or its beginning, shape [worlds]."""
+        if clip.cycle is None or self.start == "first_frame":
             return np.zeros(self.worlds, dtype=np.float32)
         return ((np.arange(self.worlds) + 0.5) / self.worlds).astype(np.float32)
 

@@ -1,5 +1,7 @@
 """A policy under four conditions: with and without noise on its actions, with and without randomisation and pushes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from kine2go_warp.device import choose_device
@@ -8,6 +10,7 @@ from kine2go_warp.evaluation.metrics import Result, measure
 from kine2go_warp.evaluation.newton import NewtonRollouts
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.vec_env import share_stream
+from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import ProgressCallback
 
 NOISES = {"deterministic": 0.0, "stochastic": 1.0}
@@ -25,28 +28,35 @@ CONDITIONS = tuple(condition_name(noise, world) for world in WORLDS for noise in
 
 
 def evaluate(
-    policy: PolicyFolder, config: EvalConfig, device: str | None = None, on_progress: ProgressCallback | None = None
+    policy: PolicyFolder,
+    config: EvalConfig,
+    device: str | None = None,
+    on_progress: ProgressCallback | None = None,
+    clips: Sequence[MotionClip] = (),
 ) -> list[Result]:
-    """Evaluate a policy on all of its clips, clip by clip, in the order of ``CONDITIONS``.
+    """Evaluate a policy clip by clip, in the order of ``CONDITIONS``, under those that the settings ask for.
 
     Args:
         policy: A trained policy.
         config: Settings.
         device: Where to simulate; by default on CUDA where there is one.
         on_progress: Called now and then.
+        clips: Clips to track; by default those that it was trained on.
 
     Raises:
-        PolicyError: the policy cannot be read.
+        PolicyError: the policy cannot be read, or a clip is for another robot.
     """
     record = policy.read_record()
-    clips = policy.read_clips(record)
+    clips = policy.checked_clips(record, clips) if clips else policy.read_clips(record)
     device = choose_device(device)
     share_stream(device)
     rows = [config.rows(record.preset.env.control_rate, clip) for clip in clips]
-    total, done = sum(rows) * len(WORLDS), 0
+    worlds = {name: randomised for name, randomised in WORLDS.items() if config.randomised or not randomised}
+    noises = {name: noise for name, noise in NOISES.items() if config.stochastic or not noise}
+    total, done = sum(rows) * len(worlds), 0
     found: dict[tuple[str, str], Result] = {}
-    for world, randomised in WORLDS.items():
-        noise = tuple(NOISES.values())
+    for world, randomised in worlds.items():
+        noise = tuple(noises.values())
         with NewtonRollouts(policy, record, clips, config, noise, randomised, device) as newton:
             for index, clip in enumerate(clips):
 
@@ -55,7 +65,7 @@ def evaluate(
                         on_progress(before + step, total, detail)
 
                 batch = newton.run(index, stepped)
-                for number, name in enumerate(NOISES):
+                for number, name in enumerate(noises):
                     chosen = np.arange(number * config.worlds, (number + 1) * config.worlds)
                     settings = newton.environment.config
                     condition = condition_name(name, world)
@@ -63,4 +73,4 @@ def evaluate(
                         batch, chosen, clip.name, condition, settings.control_duration, newton.environment.spec
                     )
                 done += rows[index]
-    return [found[clip.name, condition] for clip in clips for condition in CONDITIONS]
+    return [one for clip in clips for condition in CONDITIONS if (one := found.get((clip.name, condition))) is not None]

@@ -28,11 +28,14 @@ def draw_phases(clip: str, results: Sequence[Result], path: Path) -> Path:
     phase = (np.arange(PHASE_BINS) + 0.5) / PHASE_BINS
     figure = new_figure(9.0, 5.5)
     figure.suptitle(f"{clip}: error over the reference cycle, median and 10-90 % of rows", fontsize="medium")
-    panels = figure.subplots(len(PANELS), len(WORLDS), sharex=True, sharey="row", squeeze=False)
+    worlds = [world for world in WORLDS if any(condition_name(noise, world) in found for noise in NOISES)]
+    panels = figure.subplots(len(PANELS), len(worlds), sharex=True, sharey="row", squeeze=False)
     for row, (curve, metric, label, factor) in enumerate(PANELS):
-        for column, world in enumerate(WORLDS):
+        for column, world in enumerate(worlds):
             axes = panels[row][column]
             for colour, noise in zip(COLOURS, NOISES, strict=False):
+                if condition_name(noise, world) not in found:
+                    continue
                 low, middle, high = factor * getattr(found[condition_name(noise, world)], curve)
                 axes.fill_between(phase, low, high, color=colour, alpha=0.25, linewidth=0.0)
                 axes.plot(phase, middle, color=colour, label=noise)

@@ -35,6 +35,8 @@ class PolicyRecord:
     """Iterations done."""
     seconds: float
     """Time spent on training [s]."""
+    core_seconds: float = 0.0
+    """Processor time spent on it [s], but for that of further processes that shared the simulation."""
     restarts: int = 0
     """How often training began again because it had diverged; each time learns more slowly."""
     restart_reason: str = ""
@@ -112,6 +114,7 @@ class PolicyFolder:
             "fingerprint": record.fingerprint,
             "iterations": record.iterations,
             "seconds": record.seconds,
+            "core_seconds": record.core_seconds,
             "restarts": record.restarts,
             "restart_reason": record.restart_reason,
             "stop_reason": record.stop_reason,
@@ -144,6 +147,7 @@ class PolicyFolder:
                 fingerprint=values["fingerprint"],
                 iterations=values["iterations"],
                 seconds=values["seconds"],
+                core_seconds=values.get("core_seconds", 0.0),
                 restarts=values.get("restarts", 0),
                 restart_reason=values.get("restart_reason", ""),
                 stop_reason=values.get("stop_reason", ""),
@@ -170,13 +174,7 @@ class PolicyFolder:
         """
         for name in record.clips:
             check_name(name, self.record_file, PolicyError)
-        clips = tuple(MotionClip.load(self.path / name) for name in record.clips)
-        for clip in clips:
-            if clip.robot != record.robot:
-                raise PolicyError(
-                    f"{self.path}: the clip {clip.name} is for the robot {clip.robot} and the policy for "
-                    f"{record.robot}; retarget the motion to the policy's robot"
-                )
+        clips = self.checked_clips(record, [MotionClip.load(self.path / name) for name in record.clips])
         for clip, known in zip(clips, record.clip_hashes, strict=False):
             if clip.content_hash() != known:
                 raise PolicyError(
@@ -184,6 +182,23 @@ class PolicyFolder:
                     "train again with --overwrite"
                 )
         return clips
+
+    def checked_clips(self, record: PolicyRecord, clips: Sequence[MotionClip]) -> tuple[MotionClip, ...]:
+        """Return clips that the policy can track, its own or others.
+
+        Raises:
+            PolicyError: one is for another robot, or two have the same name.
+        """
+        names = [clip.name for clip in clips]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise PolicyError(f"two clips are named '{twice}'; give one of them another name")
+        for clip in clips:
+            if clip.robot != record.robot:
+                raise PolicyError(
+                    f"{self.path}: the clip {clip.name} is for the robot {clip.robot} and the policy for "
+                    f"{record.robot}; retarget the motion to the policy's robot"
+                )
+        return tuple(clips)
 
     @property
     def robot(self) -> RobotSpec:
@@ -199,17 +214,17 @@ class PolicyFolder:
         """Return where the checkpoint of an iteration (from 0) lies."""
         return self.path / f"model_{iteration}.pt"
 
-    def motions(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
-        """Return the names of the clips that the policy tracks, or of those that are wanted.
+    def chosen_clips(self, record: PolicyRecord, names: Sequence[str] = ()) -> tuple[MotionClip, ...]:
+        """Return the clips that the policy was trained on, or those of some names.
 
         Raises:
-            PolicyError: it does not track one of them.
+            PolicyError: it was not trained on one of them.
         """
-        known = tuple(clip.name for clip in self.read_clips(self.read_record()))
-        for name in wanted:
+        known = {clip.name: clip for clip in self.read_clips(record)}
+        for name in names:
             if name not in known:
-                raise PolicyError(f"{self.path}: does not track '{name}'; its clips are: {', '.join(known)}")
-        return tuple(wanted) or known
+                raise PolicyError(f"{self.path}: was not trained on '{name}'; its clips are: {', '.join(known)}")
+        return tuple(known[name] for name in names or known)
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""

@@ -133,13 +133,16 @@ class PpoConfig:
 
 @dataclass(frozen=True)
 class Preset:
-    """All settings of a training: environment, learner, and when it stops."""
+    """All settings of a training: environment, learner, when it stops, and what it begins with."""
 
     preset: str = "paper"
     """Name of the preset that the settings began with: fast, paper, robust, or FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     stopping: StoppingConfig = field(default_factory=StoppingConfig)
+    initial_policy: str = ""
+    """Policy folder whose networks training begins with, instead of new ones. They keep their size, whatever ``ppo``
+    says, and must observe the same."""
 
     def override(self, values: dict[str, Any]) -> "Preset":
         """Return the preset with some settings replaced by their path, such as ``{"ppo.entropy_coef": 0.01}``.

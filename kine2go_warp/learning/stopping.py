@@ -73,43 +73,23 @@ class TrackingMetrics:
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """How well the mean action of a policy tracks."""
+class ClipEvaluation:
+    """How well the mean action of a policy tracks a clip."""
 
-    iteration: int
-    """Iterations that the policy had learned for."""
     phases: TrackingMetrics
     """Rollouts from phases spread over the cycle."""
     first_frame: TrackingMetrics
     """Rollouts from the first frame of the clip."""
-    rejected: str = ""
-    """Number of rollouts by the reason why the filter of gathering would reject them, in words."""
-
-    def __str__(self) -> str:
-        zero = self.first_frame
-        rejected = f" ({self.rejected})" if self.rejected else ""
-        return (
-            f"{100.0 * min(self.phases.acceptance, zero.acceptance):.0f} % accepted{rejected}, joint RMSE "
-            f"{self.phases.joint_rmse:.3f} rad, root {100.0 * self.phases.root_error:.1f} cm, from the first frame "
-            f"{zero.joint_rmse:.3f} rad, {100.0 * zero.root_error:.1f} cm"
-        )
 
     @property
-    def curves(self) -> dict[str, float]:
-        """All metrics by ``group/name``."""
-        return {
-            f"{'evaluation' if name in ERRORS else 'evaluation_shares'}/{prefix}{name}": value
-            for prefix, one in (("", self.phases), ("first_frame_", self.first_frame))
-            for name, value in asdict(one).items()
-        }
+    def survival(self) -> float:
+        """The smaller share of survivors of both."""
+        return min(self.phases.survival, self.first_frame.survival)
 
-    def described(self) -> dict[str, Any]:
-        """Return it as JSON values, without metrics that are not finite."""
-        groups = {"phases": asdict(self.phases), "first_frame": asdict(self.first_frame)}
-        finite = {
-            group: {name: value for name, value in one.items() if math.isfinite(value)} for group, one in groups.items()
-        }
-        return {"iteration": self.iteration, "rejected": self.rejected, **finite}
+    @property
+    def acceptance(self) -> float:
+        """The smaller share of accepted rollouts of both."""
+        return min(self.phases.acceptance, self.first_frame.acceptance)
 
     def excess(self, config: StoppingConfig) -> float:
         """Return the largest error over its target, 1 where all are within theirs or at them."""
@@ -120,19 +100,83 @@ class Evaluation:
         ]
         return max(float(np.max(ratios)), 1.0) if np.isfinite(ratios).all() else math.inf
 
+    def meets(self, config: StoppingConfig) -> bool:
+        """Return whether it meets the targets."""
+        return self.acceptance >= config.min_acceptance and self.excess(config) <= 1.0
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How well the mean action of a policy tracks its clips."""
+
+    iteration: int
+    """Iterations that the policy had learned for."""
+    clips: dict[str, ClipEvaluation]
+    """By the clip's name."""
+    rejected: str = ""
+    """Number of rollouts by the reason why the filter of gathering would reject them, in words."""
+
+    @property
+    def phases(self) -> TrackingMetrics:
+        """The worst clip's value of each metric, over rollouts from phases spread over the cycle."""
+        return TrackingMetrics.worst([one.phases for one in self.clips.values()])
+
+    @property
+    def first_frame(self) -> TrackingMetrics:
+        """The same over rollouts from the first frame."""
+        return TrackingMetrics.worst([one.first_frame for one in self.clips.values()])
+
+    def __str__(self) -> str:
+        rejected = f" ({self.rejected})" if self.rejected else ""
+        if len(self.clips) > 1:
+            survival, acceptance = (
+                100.0 * float(np.mean([getattr(one, name) for one in self.clips.values()]))
+                for name in ("survival", "acceptance")
+            )
+            whole = sum(one.survival == 1.0 for one in self.clips.values())
+            return (
+                f"{whole} of {len(self.clips)} clips without a fall, {survival:.0f} % of rollouts survive and "
+                f"{acceptance:.0f} % are accepted{rejected}"
+            )
+        phases, zero = self.phases, self.first_frame
+        return (
+            f"{100.0 * min(phases.acceptance, zero.acceptance):.0f} % accepted{rejected}, joint RMSE "
+            f"{phases.joint_rmse:.3f} rad, root {100.0 * phases.root_error:.1f} cm, from the first frame "
+            f"{zero.joint_rmse:.3f} rad, {100.0 * zero.root_error:.1f} cm"
+        )
+
+    @property
+    def curves(self) -> dict[str, float]:
+        """All metrics by ``group/name``; of several clips the worst value and the share that nobody falls on."""
+        return {
+            f"{'evaluation' if name in ERRORS else 'evaluation_shares'}/{prefix}{name}": value
+            for prefix, one in (("", self.phases), ("first_frame_", self.first_frame))
+            for name, value in asdict(one).items()
+        } | {"evaluation_shares/clips": float(np.mean([one.survival == 1.0 for one in self.clips.values()]))}
+
+    def described(self) -> dict[str, Any]:
+        """Return it as JSON values, without metrics that are not finite."""
+        groups = {"phases": asdict(self.phases), "first_frame": asdict(self.first_frame)}
+        finite = {
+            group: {name: value for name, value in one.items() if math.isfinite(value)} for group, one in groups.items()
+        }
+        return {"iteration": self.iteration, "rejected": self.rejected, **finite}
+
     def rank(self, config: StoppingConfig) -> tuple[float, float, float]:
         """Return what a better policy has more of: acceptance, then survival, then nearness to the targets.
 
-        Policies within the targets are equal in the last: of these a later one has less noise.
+        Means over the clips: of many, some may always be lost. Policies within the targets are equal in the last: of
+        these a later one has less noise.
         """
-        both = (self.phases, self.first_frame)
-        survival, acceptance = (min(getattr(one, name) for one in both) for name in ("survival", "acceptance"))
-        return acceptance, survival, -self.excess(config)
+        found = self.clips.values()
+        means = ([one.acceptance for one in found], [one.survival for one in found])
+        nearness = [1.0 / one.excess(config) for one in found]
+        acceptance, survival, near = (float(np.mean(values)) for values in (*means, nearness))
+        return acceptance, survival, near
 
     def meets(self, config: StoppingConfig) -> bool:
-        """Return whether it meets the targets."""
-        acceptance, _, nearness = self.rank(config)
-        return acceptance >= config.min_acceptance and nearness >= -1.0
+        """Return whether every clip meets the targets."""
+        return all(one.meets(config) for one in self.clips.values())
 
 
 @dataclass
@@ -194,8 +238,15 @@ class TargetWatch:
 
 
 def stored_evaluation(values: dict[str, Any] | None) -> Evaluation | None:
-    """Return an evaluation that was stored with ``asdict``, none if there is none."""
+    """Return an evaluation that was stored with ``asdict``, none if there is none.
+
+    Those made before clips were told apart are of one clip, whose name is not in them.
+    """
     if not values:
         return None
-    groups = {name: TrackingMetrics(**values[name]) for name in ("phases", "first_frame")}
-    return Evaluation(values["iteration"], rejected=values["rejected"], **groups)
+    clips = values.get("clips") or {"": values}
+    stored = {
+        name: ClipEvaluation(TrackingMetrics(**one["phases"]), TrackingMetrics(**one["first_frame"]))
+        for name, one in clips.items()
+    }
+    return Evaluation(values["iteration"], stored, values["rejected"])

@@ -59,7 +59,7 @@ def gather(
     device: str | None = None,
     on_progress: ProgressCallback | None = None,
     strict: bool = False,
-    motion: str | None = None,
+    clip: MotionClip | None = None,
     catalogue: Path | None = None,
 ) -> GatherResult:
     """Roll a policy out in batches until enough rollouts are good, and add these to a dataset.
@@ -71,7 +71,7 @@ def gather(
         device: Where to simulate; by default on CUDA where there is one.
         on_progress: Called now and then.
         strict: Stop at the first fault of the simulation and save its state beside the policy.
-        motion: Which of its clips the policy tracks; by default its only one.
+        clip: What to track, one of the policy's clips or another; by default its only one.
         catalogue: A user's own, where the motion may state the number of rows.
 
     Raises:
@@ -79,10 +79,10 @@ def gather(
         DatasetError: no rollout was accepted, or fewer than the settings ask for.
     """
     record = policy.read_record()
-    clip = chosen_clip(policy, record, motion)
+    clip = only_clip(policy, record) if clip is None else policy.checked_clips(record, [clip])[0]
     env = record.preset.env
     config = settings_for(config, clip, env.control_rate, catalogue)
-    fingerprint = gather_fingerprint(policy, config)
+    fingerprint = gather_fingerprint(policy, record, clip, config)
     simulation = SimulationAttributes(env.control_rate, env.substeps, *env.motor.gains(clip.spec))
     writer.check(clip.name, simulation)
     known = writer.attributes(clip.name)
@@ -161,17 +161,17 @@ def check_acceptance(motion: str, stats: "CollectionStats", config: GatherConfig
     raise DatasetError(f"{motion}: {share} ({found}); train longer, or allow more with --max-attempts")
 
 
-def chosen_clip(policy: PolicyFolder, record: PolicyRecord, motion: str | None) -> MotionClip:
-    """Return the clip of a motion, or the only one.
+def only_clip(policy: PolicyFolder, record: PolicyRecord) -> MotionClip:
+    """Return the only clip that a policy was trained on.
 
     Raises:
-        PolicyError: the policy does not track it, or tracks several and none is named.
+        PolicyError: there are several.
     """
-    wanted = policy.motions([] if motion is None else [motion])
-    chosen = [clip for clip in policy.read_clips(record) if clip.name in wanted]
-    if len(chosen) > 1:
-        raise PolicyError(f"{policy.path}: tracks several clips, name one of: {', '.join(wanted)}")
-    return chosen[0]
+    clip, *others = policy.read_clips(record)
+    if others:
+        names = ", ".join(one.name for one in (clip, *others))
+        raise PolicyError(f"{policy.path}: tracks several clips, name one of: {names}")
+    return clip
 
 
 def training_attributes(policy: PolicyFolder, record: PolicyRecord) -> dict[str, object]:
@@ -212,6 +212,8 @@ def settings_for(
     return replace(resolved, rows=rows, diversity=diversity)
 
 
-def gather_fingerprint(policy: PolicyFolder, config: GatherConfig) -> str:
-    """Return a hash of policy and settings."""
-    return content_hash(policy.checkpoint_hash(), to_dictionary(config))
+def gather_fingerprint(policy: PolicyFolder, record: PolicyRecord, clip: MotionClip, config: GatherConfig) -> str:
+    """Return a hash of policy, settings, and of a clip that the policy was not trained on."""
+    content = clip.content_hash()
+    others = [] if content in [one.content_hash() for one in policy.read_clips(record)] else [content]
+    return content_hash(policy.checkpoint_hash(), to_dictionary(config), *others)

@@ -13,11 +13,11 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.episodes import EpisodeStart
 from kine2go_warp.env.terms.randomization import RANDOMIZATION
-from kine2go_warp.learning.stopping import ERRORS, Evaluation, StoppingConfig, TrackingMetrics
+from kine2go_warp.learning.stopping import ERRORS, ClipEvaluation, Evaluation, StoppingConfig, TrackingMetrics
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import GatherConfig, rollout_environment
-from kine2go_warp.rollouts.quality import FilterResult, filter_rollouts
+from kine2go_warp.rollouts.quality import filter_rollouts
 from kine2go_warp.rollouts.rollout import roll_out
 from kine2go_warp.rollouts.row_writer import RowMemory
 
@@ -40,7 +40,7 @@ class TrackingEvaluator:
             config: How many rollouts, and how long.
             device: Where to simulate.
         """
-        self.limits, self.num_clips = GatherConfig(), len(clips)
+        self.limits, self.names = GatherConfig(), [clip.name for clip in clips]
         each = max(2, config.rollouts // len(clips))
         self.num_first = max(1, round(FIRST_FRAME_SHARE * each))
         spread = each - self.num_first
@@ -77,19 +77,17 @@ class TrackingEvaluator:
         worlds = np.arange(self.env.num_envs)
         duration, spec = environment.config.control_duration, environment.spec
         result = filter_rollouts(recorded.rows(worlds), recorded.failure, self.limits, duration, spec)
-        worlds = worlds.reshape(self.num_clips, -1)
-        first, spread = worlds[:, : self.num_first], worlds[:, self.num_first :]
+
+        def measured(worlds: NDArray[np.int_]) -> TrackingMetrics:
+            shares = (np.mean(recorded.failure[worlds] == ""), np.mean(result.accepted[worlds]))
+            errors = (np.mean(result.quality[name][worlds]) for name in ERRORS)
+            return TrackingMetrics(*map(float, (*shares, *errors)))
+
+        by_clip = zip(self.names, worlds.reshape(len(self.names), -1), strict=True)
+        first = self.num_first
         counts = Counter(reason for reason in result.reasons if reason)
         return Evaluation(
             iteration,
-            phases=TrackingMetrics.worst([measured(result, recorded.failure, some) for some in spread]),
-            first_frame=TrackingMetrics.worst([measured(result, recorded.failure, some) for some in first]),
+            {name: ClipEvaluation(measured(some[first:]), measured(some[:first])) for name, some in by_clip},
             rejected=", ".join(f"{count} {reason}" for reason, count in sorted(counts.items())),
         )
-
-
-def measured(result: FilterResult, failure: NDArray[np.str_], worlds: NDArray[np.int_]) -> TrackingMetrics:
-    """Return the means over some rollouts."""
-    shares = (np.mean(failure[worlds] == ""), np.mean(result.accepted[worlds]))
-    errors = (np.mean(result.quality[name][worlds]) for name in ERRORS)
-    return TrackingMetrics(*map(float, (*shares, *errors)))

@@ -16,6 +16,7 @@ from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
 from kine2go_warp.learning.stopping import DIVERGED, TargetWatch
+from kine2go_warp.machine import core_seconds
 from kine2go_warp.motions.clip import MotionClip, robot_of
 from kine2go_warp.robots import DEFAULT_ROBOT
 from kine2go_warp.settings import content_hash, to_dictionary
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
 def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
     """Return a hash of everything that decides which policy training ends with, but for its length."""
-    settings = to_dictionary(preset)
-    del settings["preset"], settings["ppo"]["iterations"]
+    settings = deciding_settings(preset)
+    del settings["ppo"]["iterations"]
     if preset.stopping.interval == 0:
         del settings["stopping"]
     parts = [[clip.content_hash() for clip in clips], settings]
@@ -36,6 +37,41 @@ def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
         # Policies of the Go2 may be older than the choice of a robot.
         parts.append(robot_of(clips).training_values)
     return content_hash(*parts)
+
+
+def deciding_settings(preset: Preset) -> dict[str, Any]:
+    """Return the settings that decide what a training ends with: the initial policy by its weights, not by its folder.
+
+    Raises:
+        PolicyError: there is no such policy.
+    """
+    settings = to_dictionary(preset)
+    del settings["preset"]
+    if folder := settings.pop("initial_policy"):
+        settings["initial_policy"] = PolicyFolder(Path(folder)).checkpoint_hash()
+    return settings
+
+
+def with_initial_networks(preset: Preset, robot: str) -> Preset:
+    """Return the settings with networks of the size of the initial policy's, if there is one.
+
+    Raises:
+        PolicyError: it cannot be read, drives another robot, or observes other things than the settings say.
+    """
+    if not preset.initial_policy:
+        return preset
+    from kine2go_warp.env.observations import observation_layout
+
+    record = PolicyFolder(Path(preset.initial_policy)).read_record()
+    if record.robot != robot:
+        raise PolicyError(f"{preset.initial_policy}: drives the robot {record.robot}, and the clips are for {robot}")
+    if observation_layout(record.preset.env) != observation_layout(preset.env):
+        raise PolicyError(
+            f"{preset.initial_policy}: observes other things than these settings; use those of its preset"
+        )
+    known = record.preset.ppo
+    networks = {name: getattr(known, name) for name in ("hidden_dims", "activation", "obs_normalization")}
+    return replace(preset, ppo=replace(preset.ppo, **networks))
 
 
 def train(
@@ -88,7 +124,7 @@ def train(
     check_alone()
     robot = robot_of(clips).reference
     device = choose_device(device)
-    preset = preset.on(device)
+    preset = with_initial_networks(preset.on(device), robot)
     choose_processes(processes, preset.env.num_worlds, device)
     fingerprint = training_fingerprint(clips, preset)
     policy = PolicyFolder(folder)
@@ -245,7 +281,7 @@ class TrainingTask:
         ppo = slower(preset.ppo) if record.restarts else preset.ppo
         share_stream(self.device)
         torch.manual_seed(preset.env.seed)
-        started, before, reason = time.monotonic(), record.seconds, ""
+        started, core_started, before, reason = time.monotonic(), core_seconds(), record, ""
         stopping = preset.stopping
         closing_environment = contextlib.closing(self._environment(preset, start))
         with fitting(preset.env.num_worlds, self.device), closing_environment as env:
@@ -256,6 +292,8 @@ class TrainingTask:
                 runner.evaluate_with(evaluator, TargetWatch(stopping))
             if start is not None:
                 runner.restore(start.checkpoint)
+            elif preset.initial_policy:
+                runner.begin_with(PolicyFolder(Path(preset.initial_policy)))
             on_progress = self.on_progress
             if self.observer is not None:
                 done = runner.current_learning_iteration * ppo.num_steps_per_env
@@ -263,8 +301,9 @@ class TrainingTask:
             try:
                 reason = runner.train(ppo.iterations, on_progress, self.should_stop)
             finally:
-                seconds = before + time.monotonic() - started
-                record = replace(record, iterations=policy.iterations_done(), seconds=seconds)
+                seconds = before.seconds + time.monotonic() - started
+                core = before.core_seconds + core_seconds() - core_started
+                record = replace(record, iterations=policy.iterations_done(), seconds=seconds, core_seconds=core)
                 record = replace(record, stop_reason=reason, evaluation=runner.evaluation)
                 policy.write_record(record)
         policy.keep_newest(1)

@@ -13,7 +13,8 @@ from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.learning.vec_env import BufferedVecEnv
-from kine2go_warp.training.runner import ProgressCallback, TrainingProgress
+from kine2go_warp.training.logger import TrainingProgress
+from kine2go_warp.training.runner import ProgressCallback
 
 NUM_WORLDS = 4
 """Worlds that are shown."""

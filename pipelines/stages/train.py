@@ -9,10 +9,9 @@ from kine2go_warp.pipelines.artefacts import Artefact
 from kine2go_warp.pipelines.job import Job, Monitor
 from kine2go_warp.pipelines.stages.base import Inputs, StageOutput, robot_inputs
 from kine2go_warp.pipelines.stages.retarget import read_clip
-from kine2go_warp.settings import to_dictionary
 
 if TYPE_CHECKING:
-    from kine2go_warp.training.runner import TrainingProgress
+    from kine2go_warp.training.logger import TrainingProgress
 
 
 class TrainStage:
@@ -28,8 +27,9 @@ class TrainStage:
 
     def inputs(self, job: Job, upstream: Inputs) -> dict[str, Any]:
         """Return the clip's content and the resolved settings."""
-        settings = to_dictionary(job.recipe.train.on(job.device))
-        del settings["preset"]
+        from kine2go_warp.training.train import deciding_settings
+
+        settings = deciding_settings(job.recipe.train.on(job.device))
         return {"version": 1, "clip": upstream["retarget"].record.output, "settings": settings, **robot_inputs(job)}
 
     def make(self, job: Job, upstream: Inputs, folder: Path, monitor: Monitor) -> StageOutput:

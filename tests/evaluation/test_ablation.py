@@ -51,6 +51,12 @@ def test_every_training_has_the_same_number_of_steps(device):
         assert preset.env.seed == 2
 
 
+def test_a_training_may_end_at_the_targets_of_its_preset():
+    (fast,) = load_variants(BUNDLED, ["fast"])
+    assert AblationConfig(until_targets=True).preset(fast, 1, "cpu").stopping == FAST.stopping
+    assert AblationConfig().preset(fast, 1, "cpu").stopping.interval == 0
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -76,7 +82,8 @@ def write(out, variant, seed, tracked, joint_rmse):
     folder.mkdir(parents=True)
     values = {"tracked": tracked, "survival": 1.0}
     values |= {} if joint_rmse is None else {"joint_rmse": joint_rmse}
-    result = {"variant": variant, "seconds": 9.0, DETERMINISTIC: values, STOCHASTIC: {"survival": 0.5}}
+    made = {"iterations": 40, "core_seconds": 8.0 + seed, "stopped": "targets reached" if seed == 1 else "budget"}
+    result = {"variant": variant, **made, DETERMINISTIC: values, STOCHASTIC: {"survival": 0.5}}
     (folder / "ablation.json").write_text(json.dumps(result))
 
 
@@ -88,7 +95,7 @@ def test_the_table_shows_medians_over_seeds_and_the_spread_of_what_was_tracked(t
     cells = [[cell.strip() for cell in line.split("|")][1:-1] for line in lines[4:]]
     assert lines[0] == "`trot`"
     assert cells[0][:5] == ["`fast`", "60.0 (50.0 to 90.0)", "100", "50.0", "0.025"]
-    assert cells[0][-2:] == ["9", "3"]
+    assert cells[0][-4:] == ["40.0", "10.0 (9.0 to 11.0)", "1", "3"]
     assert [row[0] for row in cells] == ["`fast`", "`symmetry`"]
 
 

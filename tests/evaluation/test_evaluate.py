@@ -47,6 +47,22 @@ def test_the_command_reports_every_clip_under_every_condition(two_clips, capsys)
             assert min(picture.size) > 400
 
 
+def test_clips_that_the_policy_was_not_trained_on_are_evaluated_from_their_first_frame(
+    policy, standing_clip, tmp_path, capsys
+):
+    file, table = tmp_path / "standing.npz", tmp_path / "table.md"
+    standing_clip.save(file)
+    chosen = ["--start", "first_frame", "--no-stochastic", "--no-randomised"]
+    command = ["eval", str(policy.path), *chosen, "--worlds", "2", "--seconds", "0.5", "--device", "cpu", "--clips"]
+    assert main([*command, str(file), "--json", str(tmp_path / "eval.json"), "--markdown", str(table)]) == 0
+    (found,) = json.loads((tmp_path / "eval.json").read_text())["results"]
+    assert (found["clip"], found["condition"]) == ("standing", "deterministic, plain")
+    assert found["rollouts"]["initial_phase"] == [0.0, 0.0]
+    assert table.read_text().count("`standing`") == 1
+    assert main([*command, str(file), str(file)]) == 2
+    assert "two clips are named 'standing'" in capsys.readouterr().err
+
+
 def test_json_has_no_nan():
     assert [finite(value) for value in (float("nan"), float("inf"), 7, 0.123456789)] == [None, None, 7, 0.1234568]
 

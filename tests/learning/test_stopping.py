@@ -7,14 +7,25 @@ import torch
 
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.learning.presets import FAST, PAPER
-from kine2go_warp.learning.stopping import Evaluation, StoppingConfig, TargetWatch, TrackingMetrics, stored_evaluation
+from kine2go_warp.learning.stopping import (
+    ClipEvaluation,
+    Evaluation,
+    StoppingConfig,
+    TargetWatch,
+    TrackingMetrics,
+    stored_evaluation,
+)
 
 CONFIG = StoppingConfig(interval=20)
 GOOD = TrackingMetrics(survival=1.0, acceptance=1.0, joint_rmse=0.02, root_error=0.02, foot_slip=0.1)
 
 
 def evaluation(iteration, phases=GOOD, first_frame=GOOD):
-    return Evaluation(iteration, phases, first_frame)
+    return Evaluation(iteration, {"trot": ClipEvaluation(phases, first_frame)})
+
+
+def evaluation_of_clips(iteration, *clips):
+    return Evaluation(iteration, {f"clip {number}": ClipEvaluation(one, one) for number, one in enumerate(clips)})
 
 
 def model(value):
@@ -105,9 +116,27 @@ def test_the_state_is_restored_as_it_was():
     assert stored_evaluation(None) is None
 
 
-def test_the_worst_clip_counts():
+def test_an_evaluation_of_before_clips_were_told_apart_is_read():
+    stored = {"iteration": 20, "phases": asdict(GOOD), "first_frame": asdict(GOOD), "rejected": ""}
+    assert stored_evaluation(stored).phases == GOOD
+    assert stored_evaluation(stored).rank(CONFIG) == evaluation(20).rank(CONFIG)
+
+
+def test_every_clip_must_meet_the_targets_and_the_worst_is_shown():
     other = TrackingMetrics(survival=0.5, acceptance=0.25, joint_rmse=0.01, root_error=0.3, foot_slip=0.05)
-    assert TrackingMetrics.worst([GOOD, other]) == TrackingMetrics(0.5, 0.25, 0.02, 0.3, 0.1)
+    both = evaluation_of_clips(20, GOOD, other)
+    assert both.phases == TrackingMetrics(0.5, 0.25, 0.02, 0.3, 0.1)
+    assert not both.meets(CONFIG)
+    assert evaluation_of_clips(20, GOOD, GOOD).meets(CONFIG)
+    assert str(both) == "1 of 2 clips without a fall, 75 % of rollouts survive and 62 % are accepted"
+
+
+def test_of_many_clips_the_policy_that_tracks_more_is_kept_although_one_is_always_lost():
+    lost = replace(GOOD, survival=0.0, acceptance=0.0, joint_rmse=float("nan"))
+    watch = TargetWatch(CONFIG)
+    watch.look(evaluation_of_clips(20, GOOD, GOOD, lost), model(1))
+    watch.look(evaluation_of_clips(40, GOOD, lost, lost), model(2))
+    assert watch.kept.iteration == 20
 
 
 def test_presets_that_stop_early_and_the_paper_that_does_not():

@@ -218,6 +218,23 @@ def test_a_policy_of_several_clips_gives_each_as_a_motion_of_its_own(clip, stand
     assert abs(np.corrcoef(noise[0][there], noise[1][there])[0, 1]) < 0.05, "motions share no draws"
     assert not set(seeds[0]) & set(seeds[1])
     assert main([*gathering, "--motions", "hop"]) == 2
-    assert "does not track 'hop'; its clips are: dog_trot, standing" in capsys.readouterr().err
+    assert "was not trained on 'hop'; its clips are: dog_trot, standing" in capsys.readouterr().err
     with pytest.raises(PolicyError, match="tracks several clips, name one of: dog_trot, standing"):
         gather(PolicyFolder(Path(policy)), DatasetWriter(Path(store), GO2), LOOSE, "cpu")
+
+
+def test_a_policy_tracks_a_clip_that_it_was_not_trained_on(policy, standing_clip, tmp_path, capsys):
+    file, writer = tmp_path / "standing.npz", DatasetWriter(tmp_path / "dataset.zarr", GO2)
+    standing_clip.save(file)
+    assert gather(policy, writer, LOOSE, "cpu", clip=standing_clip).is_new
+    assert not gather(policy, writer, LOOSE, "cpu", clip=standing_clip).is_new
+    rows = open_dataset(writer.path, include_rejected=True).load("standing").trajectories.rows
+    np.testing.assert_allclose(rows["reference_joint_position"][0, 0], standing_clip.joint_position[0], atol=1e-6)
+    other = replace(standing_clip, root_position=standing_clip.root_position + 0.001).completed(standing_clip.spec)
+    assert gather(policy, writer, LOOSE, "cpu", clip=other).is_new, "another clip of that name"
+    options = ["--out", str(tmp_path / "second.zarr"), "--trajectories", "3", "--rows", "60", "--device", "cpu"]
+    options += [f"--{name.replace('_', '-')}={value}" for name, value in ANYTHING_GOES.items()]
+    assert main(["gather", str(policy.path), "--clips", str(file), *options]) == 0
+    assert DatasetWriter(tmp_path / "second.zarr", GO2).motions() == ["standing"]
+    assert main(["gather", str(policy.path), "--clips", str(file), "--motions", "dog_trot", *options]) == 2
+    assert "give one of the two" in capsys.readouterr().err

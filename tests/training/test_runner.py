@@ -3,7 +3,8 @@
 import torch
 from rsl_rl.utils.logger import Logger
 
-from kine2go_warp.training.runner import QuietLogger, tensor_cores
+from kine2go_warp.training.logger import QuietLogger
+from kine2go_warp.training.runner import tensor_cores
 from tests.waiting import no_waits
 
 

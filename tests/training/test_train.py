@@ -1,4 +1,5 @@
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from kine2go_warp.errors import PolicyError, SimulationError
 from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST, ROBUST
-from kine2go_warp.training.train import train
+from kine2go_warp.training.train import train, training_fingerprint
 
 TINY = FAST.override({"env.num_worlds": 8, "ppo.iterations": 2})
 
@@ -174,10 +175,10 @@ def test_several_clips_train_one_policy(clip, standing_clip, tmp_path):
     )
     assert record.clips == ("dog_trot.npz", "standing.npz")
     policy = PolicyFolder(tmp_path / "policy")
-    assert policy.motions() == ("dog_trot", "standing")
-    assert policy.motions(["standing"]) == ("standing",)
-    with pytest.raises(PolicyError, match="does not track 'hop'; its clips are: dog_trot, standing"):
-        policy.motions(["hop"])
+    assert [one.name for one in policy.chosen_clips(record)] == ["dog_trot", "standing"]
+    assert [one.name for one in policy.chosen_clips(record, ["standing"])] == ["standing"]
+    with pytest.raises(PolicyError, match="was not trained on 'hop'; its clips are: dog_trot, standing"):
+        policy.chosen_clips(record, ["hop"])
 
 
 def test_clips_of_the_same_name_are_refused_before_anything_is_written(clip, tmp_path):
@@ -204,3 +205,36 @@ def test_processes_of_torchrun_do_not_write_one_policy_together(clip, tmp_path, 
     with pytest.raises(PolicyError, match="WORLD_SIZE is 2, as torchrun sets it, and one training runs on one GPU"):
         train([clip], FAST, tmp_path / "policy", "cpu")
     assert not (tmp_path / "policy").exists()
+
+
+def test_training_begins_with_the_networks_of_another_policy(policy, standing_clip, tmp_path):
+    """They keep their size, the critic comes along, and the same folder with the same weights is the same training."""
+    preset = TINY.override({"initial_policy": str(policy.path), "ppo.hidden_dims": [7], "ppo.learning_rate": 1e-12})
+    record = train([standing_clip], replace(preset, ppo=replace(preset.ppo, iterations=1)), tmp_path / "tuned", "cpu")
+    assert record.preset.ppo.hidden_dims == policy.read_record().preset.ppo.hidden_dims
+    tuned = load_checkpoint(PolicyFolder(tmp_path / "tuned").latest_checkpoint(), "cpu")
+    initial = load_checkpoint(policy.latest_checkpoint(), "cpu")
+    for network in ("actor_state_dict", "critic_state_dict"):
+        for name, values in initial[network].items():
+            if "mlp" in name:
+                torch.testing.assert_close(tuned[network][name], values, atol=1e-6, rtol=0.0)
+    moved = tmp_path / "elsewhere"
+    shutil.copytree(policy.path, moved)
+    assert training_fingerprint([standing_clip], preset) == training_fingerprint(
+        [standing_clip], replace(preset, initial_policy=str(moved))
+    )
+    assert training_fingerprint([standing_clip], preset) != training_fingerprint([standing_clip], TINY)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"initial_policy": "nowhere"}, "no policy here"),
+        ({"env.history_length": 2}, "observes other things than these settings"),
+        ({"env.privileged": True}, "does not fit these settings"),
+    ],
+)
+def test_an_initial_policy_that_does_not_fit_is_refused(policy, clip, tmp_path, settings, message):
+    preset = TINY.override({"initial_policy": str(policy.path), **settings})
+    with pytest.raises(PolicyError, match=message):
+        train([clip], preset, tmp_path / "tuned", "cpu")
