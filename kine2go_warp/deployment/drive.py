@@ -17,8 +17,8 @@ from kine2go_warp.deployment.safety import Phase, SafetyLimits, Schedule, Superv
 from kine2go_warp.errors import Kine2GoError, PolicyError
 from kine2go_warp.settings import check_ranges
 
-SPEAKERS = ("go2", "b2")
-"""Robots whose SDK examples use the interface of ``deployment/dds.py``."""
+ROBOT = "go2"
+"""The robot whose interface, damping and lying pose these are."""
 CONNECT_SECONDS = 5.0
 """How long to wait for the first state [s]."""
 HALT_BLEND = 0.2
@@ -68,9 +68,8 @@ def check_deployable(policy: ExportedPolicy, has_estimate: bool) -> None:
         PolicyError: it is of a robot with another interface, or it observes what is not measured.
     """
     metadata = policy.metadata
-    if metadata.robot not in SPEAKERS:
-        known = " and ".join(SPEAKERS)
-        raise PolicyError(f"{metadata.policy} is for the robot {metadata.robot}, and deploy drives {known} alone")
+    if metadata.robot != ROBOT:
+        raise PolicyError(f"{metadata.policy} is for the robot {metadata.robot}, and deploy drives a {ROBOT} alone")
     rows = estimated_rows(metadata.observation)
     if rows and not has_estimate:
         raise PolicyError(

@@ -150,7 +150,7 @@ def test_an_observation_that_needs_what_nobody_measures_is_refused_and_would_be_
         check_deployable(loaded, has_estimate=False)
     check_deployable(loaded, has_estimate=True)
     other = replace(loaded, metadata=replace(loaded.metadata, robot="a1"))
-    with pytest.raises(PolicyError, match="is for the robot a1, and deploy drives go2 and b2 alone"):
+    with pytest.raises(PolicyError, match="is for the robot a1, and deploy drives a go2 alone"):
         check_deployable(other, has_estimate=True)
     link = RobotInProcess()
     link.estimate = lambda: None
