@@ -30,13 +30,15 @@ from kine2go_warp.deployment.dds import (
     newest,
 )
 from kine2go_warp.deployment.robot import realtime
-from kine2go_warp.env.config import EnvConfig
+from kine2go_warp.env.config import EnvConfig, MotorConfig
 from kine2go_warp.env.mujoco_engine import FIRST_DOF, MujocoRobot
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.robots import RobotSpec
 
 LYING_JOINTS, LYING_HEIGHT = (0.0, 1.36, -2.65), 0.1
 """Joint positions of each leg of a robot that lies [rad], as in the SDK's examples, and height of its base [m]."""
+PHYSICS = EnvConfig(motor=MotorConfig(friction=1.0))
+"""Rates, contacts and solver of the environment, and the joint friction that was measured on a robot."""
 WATCHDOG = 0.05
 """Time without an intact command after which the motors only damp, for good [s]."""
 WATCHDOG_DAMPING = 3.0
@@ -240,7 +242,7 @@ def main(arguments: Sequence[str] | None = None, server: type[Server] = Server) 
     parser.add_argument("--rows", type=Path, help="write time, damped, base and joints of every step to this .npy file")
     options = parser.parse_args(arguments)
     clip = MotionClip.load(options.clip)
-    life = server(SimulatedRobot(clip.spec, EnvConfig()), options.network, options.domain, options.estimate)
+    life = server(SimulatedRobot(clip.spec, PHYSICS), options.network, options.domain, options.estimate)
     print("ready", flush=True)
     try:
         with realtime():
