@@ -18,7 +18,7 @@ TOLERANCE = 1e-6
 PER_JOINT = ("joint_lower", "joint_upper", "joint_effort", "joint_speed", "joint_friction", "default_joint_position")
 POSITIVE = (
     *("foot_radius", "trunk_size", "head_radius", "thigh_radius", "calf_radius", "joint_effort", "joint_speed"),
-    *("default_root_height", "action_scale"),
+    *("default_root_height", "stiffness_factor", "damping_factor", "action_scale"),
 )
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0))
 """Of the three joints of a leg."""

@@ -12,7 +12,7 @@ from kine2go_warp.robots.spec import RobotSpec
 DEFAULT_ROBOT = "go2"
 """Also the robot of files that name none: they are older than the choice."""
 
-ROBOTS = {"go2": "kine2go_warp.robots.go2:GO2"}
+ROBOTS = {name: f"kine2go_warp.robots.{name}:{name.upper()}" for name in (DEFAULT_ROBOT, "a1", "go1", "b2")}
 """Where the package's robots are defined, by name; each is loaded when it is first used."""
 
 

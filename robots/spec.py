@@ -117,6 +117,10 @@ class RobotSpec:
     """Height of the base origin in the standing pose [m]."""
     armature: float
     """Rotor inertia seen at each joint [kg m^2]."""
+    stiffness_factor: float
+    """Stiffness of the motors' PD law over that of the Go2, for which presets state theirs."""
+    damping_factor: float
+    """The same for the damping."""
     action_scale: float
     """Radians of joint offset for an action of 1 (appendix, hyperparameter table)."""
     sdk_motor_order: tuple[str, ...]
@@ -158,6 +162,11 @@ class RobotSpec:
     def mass(self) -> float:
         """Mass of all links of the URDF [kg]."""
         return sum(float(mass.attrib["value"]) for mass in ElementTree.parse(self.urdf).iter("mass"))
+
+    @property
+    def training_values(self) -> list[str | float]:
+        """What a training depends on of the robot, as JSON values."""
+        return [self.model_hash, *self.default_joint_position, self.stiffness_factor, self.damping_factor]
 
     @cached_property
     def model_hash(self) -> str:

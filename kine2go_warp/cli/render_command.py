@@ -39,6 +39,8 @@ class Render:
     """Trajectories side by side; by default the grid is as square as it can be."""
     reference: bool = True
     """Draw the reference as well, green and see-through."""
+    meshes: Path | None = None
+    """Folder with trunk, hip, thigh and calf as .obj or .stl, drawn instead of the package's own shapes."""
     overwrite: bool = False
     """Replace a file that is there already."""
 
@@ -49,7 +51,7 @@ class Render:
         from kine2go_warp.renders.video import RenderConfig, render_video
 
         width, height = parsed_size(self.size)
-        config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference)
+        config = RenderConfig(width, height, self.fps, self.start, self.end, self.columns, self.reference, self.meshes)
         chosen = self.trajectories or (0,)
         open_dataset(self.dataset).left_out(self.motion)  # a damaged file of verdicts is an error everywhere
         with bar("drawing") as advanced:

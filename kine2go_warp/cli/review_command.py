@@ -58,7 +58,7 @@ class Review:
     trajectories: int | None = None
     """Show so many trajectories of each motion, those closest to a limit; by default all."""
     meshes: Path | None = None
-    """Folder with trunk, hip, thigh and calf as .glb, .obj, .stl or .dae, drawn instead of primitive shapes."""
+    """Folder with trunk, hip, thigh and calf as .glb, .obj, .stl or .dae, drawn instead of the package's own shapes."""
     out: Path | None = None
     """Folder of the recordings; by default 'recordings' beside the dataset or clip."""
     save: bool = False

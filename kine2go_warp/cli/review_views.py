@@ -92,7 +92,7 @@ def shown_in(
         web: Serve the viewer to browsers.
         window: Open the viewer.
         port: Where it listens; by default a free port.
-        meshes: Drawn instead of primitive shapes.
+        meshes: Drawn instead of our own.
         sheets: Folder of contact sheets.
 
     Raises:

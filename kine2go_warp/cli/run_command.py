@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import DataFolder, Device, RecipePath, data_folder
+from kine2go_warp.cli.data import DataFolder, Device, RecipePath, Robot, data_folder
 from kine2go_warp.errors import PipelineError
+from kine2go_warp.robots import DEFAULT_ROBOT
 from kine2go_warp.settings import override
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ class RecipeOptions:
     device: Device = None
     motions: tuple[str, ...] = ()
     """Motions, instead of the recipe's."""
+    robot: str | None = None
+    """Robot, instead of the recipe's: its name, or FILE.py:NAME for one of your own."""
     iterations: int | None = None
     """PPO iterations, instead of the recipe's."""
     trajectories: int | None = None
@@ -49,7 +52,8 @@ class RecipeOptions:
         """
         from kine2go_warp.pipelines.recipe import load_recipe
 
-        recipe = load_recipe(self.recipe, self.set)
+        robot = () if self.robot is None else (f"robot={self.robot}",)
+        recipe = load_recipe(self.recipe, (*self.set, *robot))
         given = {
             "train.ppo.iterations": self.iterations,
             "train.env.seed": self.seed,
@@ -156,16 +160,18 @@ class Run(RecipeOptions):
 class Demo:
     """Run the whole pipeline on the bundled clip, in minutes and without any data of your own.
 
-    Example: kine2go demo --out runs/demo
+    Example: kine2go demo --robot a1
     """
 
-    out: Path = Path("runs/demo")
-    """Folder for the results."""
+    out: Path | None = None
+    """Folder for the results; by default runs/demo, or runs/demo_ROBOT for another robot than the Go2."""
     device: Device = None
+    robot: Robot = DEFAULT_ROBOT
 
     def run(self) -> int:
         """Run the recipe ``demo``."""
-        return Run(recipe=Path("demo"), out=self.out, device=self.device).run()
+        name = "demo" if self.robot == DEFAULT_ROBOT else f"demo_{self.robot}"
+        return Run(recipe=Path("demo"), out=self.out or Path("runs") / name, device=self.device, robot=self.robot).run()
 
 
 @dataclass(frozen=True)

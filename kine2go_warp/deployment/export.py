@@ -206,6 +206,7 @@ def describe(
 ) -> PolicyMetadata:
     """Return the metadata of a policy."""
     config = record.preset.env
+    stiffness, damping = config.motor.gains(spec)
     return PolicyMetadata(
         format_version=FORMAT_VERSION,
         software_version=__version__,
@@ -222,13 +223,13 @@ def describe(
         joint_lower=spec.joint_lower,
         joint_upper=spec.joint_upper,
         torque_limit=spec.joint_effort,
-        stiffness=config.motor.stiffness,
-        damping=config.motor.damping,
+        stiffness=stiffness,
+        damping=damping,
         torque_rule=TORQUE_RULE,
         control_rate=config.control_rate,
         physics_rate=config.control_rate * config.substeps,
         latency=config.delay_substeps * config.substep_duration,
-        action=action_rule(config),
+        action=action_rule(config, spec),
         normaliser="inside the model" if record.preset.ppo.obs_normalization else "none",
         observation=tuple(
             ObservationRow(row.name, row.start, row.stop, row.unit, row.description)
@@ -242,17 +243,17 @@ def describe(
     )
 
 
-def action_rule(config: EnvConfig) -> ActionRule:
-    """Return how the environment turns outputs into joint targets."""
+def action_rule(config: EnvConfig, spec: RobotSpec) -> ActionRule:
+    """Return how the environment turns outputs into a robot's joint targets."""
+    stiffness, damping = config.motor.gains(spec)
     # The reference alone is the reference with its velocity counting nothing.
     mode = "residual_ff" if config.action.mode == "residual" else config.action.mode
-    lag = config.motor.damping / config.motor.stiffness
     return ActionRule(
         mode=mode,
         scale=config.action.scale,
         clip=config.action.clip,
         reference_lead=1.0 + config.delay_substeps / config.substeps,
-        velocity_gain=lag if config.action.mode == "residual_ff" else 0.0,
+        velocity_gain=damping / stiffness if config.action.mode == "residual_ff" else 0.0,
         needs_reference=mode == "residual_ff",
         meaning=ACTION_MEANINGS[mode],
     )

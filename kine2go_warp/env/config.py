@@ -51,13 +51,17 @@ class MotorConfig:
     """The motors' PD law."""
 
     stiffness: float = 30.0
-    """[N m/rad]"""
+    """Of the Go2's motors; another robot's have ``RobotSpec.stiffness_factor`` times as much [N m/rad]."""
     damping: float = 1.5
-    """[N m s/rad]"""
+    """The same with ``damping_factor`` [N m s/rad]."""
     torque_speed: bool = True
     """Torques end where the motors' do at the joint's speed. Without it the URDF's limits hold at any speed."""
     friction: float = 0.0
     """Coulomb friction of the joints, as a multiple of what was measured on the robot; the paper has none."""
+
+    def gains(self, spec: RobotSpec) -> tuple[float, float]:
+        """Return stiffness [N m/rad] and damping [N m s/rad] of a robot's motors."""
+        return spec.stiffness_factor * self.stiffness, spec.damping_factor * self.damping
 
     def limits(self, spec: RobotSpec) -> MotorLimits:
         """Return the largest torques of a robot's motors."""

@@ -179,7 +179,7 @@ class ImitationEnvironment:
         view.end_hold_steps = config.end_hold_steps
         view.initial_limit_scale = config.initial_limit_scale
         view.limit_anneal_steps = config.limit_anneal_steps
-        view.nominal_stiffness, view.nominal_damping = config.motor.stiffness, config.motor.damping
+        view.nominal_stiffness, view.nominal_damping = self.motors.nominal_stiffness, self.motors.nominal_damping
         view.robot_weight, view.control_duration = simulation.robot_weight, config.control_duration
         return view
 

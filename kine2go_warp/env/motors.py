@@ -25,8 +25,9 @@ class Motors:
         queue_length = config.delay_range[1] // config.substeps + 2
         self.target_queue = wp.zeros((config.num_worlds, queue_length, NUM_JOINTS), dtype=float)
         self.model = MotorModel()
-        self.model.stiffness = wp.full(shape, config.motor.stiffness, dtype=float)
-        self.model.damping = wp.full(shape, config.motor.damping, dtype=float)
+        self.nominal_stiffness, self.nominal_damping = config.motor.gains(constants.spec)
+        self.model.stiffness = wp.full(shape, self.nominal_stiffness, dtype=float)
+        self.model.damping = wp.full(shape, self.nominal_damping, dtype=float)
         self.model.strength = wp.full(shape, 1.0, dtype=float)
         self.model.offset = wp.zeros(shape, dtype=float)
         self.model.delay = wp.full(config.num_worlds, config.delay_substeps, dtype=int)
@@ -62,7 +63,7 @@ class Motors:
             inputs = [action, self.constants.default_position, settings.scale, settings.clip, joint_target]
             wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
         elif settings.mode in ("residual_ff", "residual"):
-            lead = self.config.motor.damping / self.config.motor.stiffness
+            lead = self.nominal_damping / self.nominal_stiffness
             inputs = [
                 action,
                 clips,

@@ -123,10 +123,11 @@ def position_driven_model(spec: RobotSpec, config: EnvConfig) -> Any:
     """
     tree = world_tree(spec, config)
     tree.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    stiffness, damping = config.motor.gains(spec)
     for name, friction in zip(spec.joint_names, config.motor.joint_friction(spec), strict=True):
         tree.joint(name).frictionloss = friction
         actuator = tree.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_position(kp=config.motor.stiffness, kv=config.motor.damping)
+        actuator.set_to_position(kp=stiffness, kv=damping)
     return tree.compile()
 
 
@@ -152,9 +153,10 @@ class MotorState:
     @classmethod
     def nominal(cls, config: EnvConfig, spec: RobotSpec) -> "MotorState":
         """Return what holds where nothing is drawn."""
+        stiffness, damping = config.motor.gains(spec)
         return cls(
-            np.full(12, config.motor.stiffness),
-            np.full(12, config.motor.damping),
+            np.full(12, stiffness),
+            np.full(12, damping),
             np.ones(12),
             np.zeros(12),
             config.delay_substeps,

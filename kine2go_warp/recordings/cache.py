@@ -14,6 +14,7 @@ from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import read_reviews
 from kine2go_warp.errors import RecordingError
 from kine2go_warp.files import atomic_file, sha256_of
+from kine2go_warp.recordings.meshes import Meshes
 from kine2go_warp.recordings.motion import Style, record_motion
 from kine2go_warp.settings import content_hash
 
@@ -82,7 +83,7 @@ class RecordingCache:
     def content(self, motion: Motion) -> str:
         """Return a hash of all that a recording is made from, but for the number of trajectories."""
         reviews = [asdict(one) for one in read_reviews(motion.path) if one.motion == motion.name]
-        meshes = self.style.meshes.content() if self.style.meshes else ""
+        meshes = (self.style.meshes or Meshes.of(motion.robot)).content()
         return content_hash(__version__, motion_content(motion.path, motion.name), reviews, meshes, self.style.by)
 
     def _is_enough(self, known: dict[str, Any]) -> bool:

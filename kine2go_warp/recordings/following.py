@@ -25,7 +25,7 @@ class FollowingViewer:
 
         Args:
             address: Where the viewer takes recordings.
-            meshes: Drawn instead of primitive shapes.
+            meshes: Drawn instead of our own.
         """
         self.address, self.meshes = address, meshes
         self._drawers: dict[str, RobotDrawer] = {}

@@ -1,5 +1,6 @@
-"""Meshes of a robot's links that a user has, named as in the manufacturer's description."""
+"""Meshes of a robot's links: our own, or those that a user has, named as in the manufacturer's description."""
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,10 @@ from kine2go_warp.errors import RecordingError
 from kine2go_warp.files import sha256_of
 from kine2go_warp.recordings.shapes import Poses, about, xyzw
 from kine2go_warp.recordings.stream import Columns
+from kine2go_warp.robots import RobotSpec
+from kine2go_warp.robots.gltf import to_glb
+from kine2go_warp.robots.look import look
+from kine2go_warp.robots.mesh_files import mesh_files
 from kine2go_warp.rotations import multiply
 
 SUFFIXES = {
@@ -20,9 +25,6 @@ SUFFIXES = {
 }
 """Kinds of files that the viewer reads and what it calls them; the first one found counts."""
 
-NAMES = {"trunk": ("trunk", "base"), "hip": ("hip",), "thigh": ("thigh",), "calf": ("calf",)}
-"""Links, and the names that their files may have."""
-
 LEFT, RIGHT = [0, 2], [1, 3]
 """Legs by side, in the order FL, FR, RL, RR."""
 
@@ -31,8 +33,16 @@ LEFT, RIGHT = [0, 2], [1, 3]
 class Meshes:
     """A file for each kind of link. Those of the thighs and calves may have a mirrored one for the right side."""
 
-    files: dict[str, Path]
-    """By ``trunk``, ``hip``, ``thigh``, ``calf``, and ``thigh_mirror``, ``calf_mirror`` where there are any."""
+    files: dict[str, Path | bytes]
+    """By ``trunk``, ``hip``, ``thigh``, ``calf``, and ``thigh_mirror``, ``calf_mirror`` where there are any; bytes are
+    those of a binary glTF. A robot without motors at its hips has no ``hip``."""
+
+    @classmethod
+    def of(cls, spec: RobotSpec) -> "Meshes":
+        """Return our own meshes of a robot; its feet are drawn apart."""
+        made = look(spec)
+        del made["foot"]
+        return cls({link: to_glb(surfaces) for link, surfaces in made.items() if surfaces})
 
     @classmethod
     def find(cls, folder: Path) -> "Meshes":
@@ -41,37 +51,21 @@ class Meshes:
         Raises:
             RecordingError: there is no such folder, or one of the files is missing.
         """
-        if not folder.is_dir():
-            raise RecordingError(f"{folder}: no such folder of meshes")
-        files, missing = {}, []
-        for link, names in NAMES.items():
-            found = first_file(folder, names)
-            if found is None:
-                missing.append(link)
-            else:
-                files[link] = found
-        if missing:
-            raise RecordingError(
-                f"{folder}: no mesh of {', '.join(missing)}; expected files named as in the Unitree description, such "
-                f"as {missing[0]}.dae, of kind {', '.join(SUFFIXES)}"
-            )
-        for link in ("thigh_mirror", "calf_mirror"):
-            if (found := first_file(folder, (link,))) is not None:
-                files[link] = found
-        return cls(files)
+        return cls({**mesh_files(folder, SUFFIXES, RecordingError)})
 
     def content(self) -> str:
         """Return a text that differs for other meshes."""
-        return " ".join(f"{link}={sha256_of(file)}" for link, file in sorted(self.files.items()))
+        return " ".join(f"{link}={hash_of(file)}" for link, file in sorted(self.files.items()))
 
     def draw(self, columns: Columns, poses: Poses) -> None:
         """Draw the links of a robot. The trunk is fixed to the entity ``base``."""
         columns.fix("base/trunk", asset(self.files["trunk"]))
-        columns.fix("hips", asset(self.files["hip"]))
-        # The one mesh of a hip is that of the front left leg, turned by half a turn for the others.
-        half = np.array([0.0, np.pi, 0.0, np.pi]), np.array([0.0, 0.0, np.pi, np.pi])
-        hips = multiply(poses.hip, multiply(about(0, half[0]), about(1, half[1])))
-        self._place(columns, "hips", poses.joint_centres(0), hips)
+        if "hip" in self.files:
+            columns.fix("hips", asset(self.files["hip"]))
+            # The one mesh of a hip is that of the front left leg, turned by half a turn for the others.
+            half = np.array([0.0, np.pi, 0.0, np.pi]), np.array([0.0, 0.0, np.pi, np.pi])
+            hips = multiply(poses.hip, multiply(about(0, half[0]), about(1, half[1])))
+            self._place(columns, "hips", poses.joint_centres(0), hips)
         for link, joint, turns in (("thigh", 1, poses.thigh), ("calf", 2, poses.calf)):
             for side, legs in (("left", LEFT), ("right", RIGHT)):
                 mirrored = self.files.get(f"{link}_mirror", self.files[link])
@@ -87,13 +81,13 @@ class Meshes:
         columns.send(entity, moved, centres.shape[1])
 
 
-def asset(file: Path) -> rr.Asset3D:
+def asset(file: Path | bytes) -> rr.Asset3D:
     """Return a mesh for the viewer, which does not recognise every kind by itself."""
+    if isinstance(file, bytes):
+        return rr.Asset3D(contents=file, media_type=SUFFIXES[".glb"])
     return rr.Asset3D(path=file, media_type=SUFFIXES[file.suffix.lower()])
 
 
-def first_file(folder: Path, names: tuple[str, ...]) -> Path | None:
-    """Return the first file with one of the names and a suffix that is known."""
-    wanted = [f"{name}{suffix}" for name in names for suffix in SUFFIXES]
-    present = {path.name.lower(): path for path in folder.iterdir() if path.is_file()}
-    return next((present[name] for name in wanted if name in present), None)
+def hash_of(file: Path | bytes) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(file).hexdigest() if isinstance(file, bytes) else sha256_of(file)

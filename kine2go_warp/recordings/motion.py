@@ -26,7 +26,7 @@ class Style:
     by: str = ""
     """The metric by whose limit they are ordered; by default the one that each is closest to."""
     meshes: Meshes | None = None
-    """Drawn instead of primitive shapes."""
+    """Drawn instead of our own."""
 
 
 def record_motion(motion: Motion, path: Path, style: Style = Style()) -> int:

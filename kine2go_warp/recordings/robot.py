@@ -1,4 +1,4 @@
-"""A robot in a recording: primitive shapes, or the meshes that a user has."""
+"""A robot in a recording: its meshes, and its reference as a see-through robot of boxes and capsules."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,18 +9,15 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from kine2go_warp.recordings.meshes import Meshes
-from kine2go_warp.recordings.shapes import Motors, Poses, about, xyzw
+from kine2go_warp.recordings.shapes import Poses, xyzw
 from kine2go_warp.recordings.stream import Colour, Columns
 from kine2go_warp.robots import RobotSpec
-from kine2go_warp.rotations import multiply, rotate
 
 GHOST: Colour = (120, 150, 200, 60)
 """Colour of the reference."""
 
 STANDING: Colour = (255, 140, 0)
 SWINGING: Colour = (45, 47, 54)
-
-SHELL, DARK, ACCENT = (176, 181, 190), (58, 61, 70), (46, 134, 222)
 
 
 @dataclass(frozen=True)
@@ -31,9 +28,9 @@ class RobotDrawer:
     meshes: Meshes | None = None
 
     @cached_property
-    def motors(self) -> Motors | None:
-        """The cylinders at the hips."""
-        return Motors.of(self.spec)
+    def shown(self) -> Meshes:
+        """The user's meshes, or else our own."""
+        return self.meshes or Meshes.of(self.spec)
 
     def draw(self, columns: Columns, poses: Poses, standing: NDArray[np.bool_]) -> None:
         """Draw the robot itself; feet that stand are marked.
@@ -44,63 +41,38 @@ class RobotDrawer:
             standing: Whether each foot stands, shape [num_rows, 4].
         """
         self._draw_base(columns, poses)
-        if self.meshes is None:
-            self._draw_trunk(columns, SHELL, DARK, ACCENT)
-            self._draw_motors(columns, poses)
-            self._draw_legs(columns, poses, [SHELL] * 4 + [DARK] * 4)
-        else:
-            self.meshes.draw(columns, poses)
+        self.shown.draw(columns, poses)
         self._draw_feet(columns, poses, standing)
 
     def draw_ghost(self, columns: Columns, poses: Poses) -> None:
         """Draw a translucent robot."""
         self._draw_base(columns, poses)
-        self._draw_trunk(columns, GHOST, GHOST, None)
-        self._draw_legs(columns, poses, [GHOST] * 8)
+        self._draw_trunk(columns)
+        self._draw_legs(columns, poses)
 
     def _draw_base(self, columns: Columns, poses: Poses) -> None:
         """Move everything that is fixed to the base."""
         pose = rr.Transform3D.columns(translation=poses.root_position, quaternion=xyzw(poses.root_orientation))
         columns.send("base", pose)
 
-    def _draw_trunk(self, columns: Columns, shell: Colour, head: Colour, accent: Colour | None) -> None:
-        """Draw trunk and head, which the base takes along."""
+    def _draw_trunk(self, columns: Columns) -> None:
+        """Draw trunk and head of the reference, which the base takes along."""
         if not columns.with_fixed:
             return
-        length, width, height = self.spec.trunk_size
-        sizes, centres, colours = [(length, width, height)], [(0.0, 0.0, 0.0)], [shell]
-        if accent is not None:
-            # A stripe along the back tells front from rear, and whether the robot stands upright.
-            sizes.append((0.5 * length, 0.3 * width, 0.08 * height))
-            centres.append((0.2 * length, 0.0, 0.52 * height))
-            colours.append(accent)
-        half_sizes = 0.5 * np.array(sizes)
-        columns.fix("base/trunk", rr.Boxes3D(half_sizes=half_sizes, centers=centres, colors=colours, fill_mode="solid"))
+        half_sizes = [0.5 * np.array(self.spec.trunk_size)]
+        columns.fix("base/trunk", rr.Boxes3D(half_sizes=half_sizes, colors=[GHOST], fill_mode="solid"))
         radius = self.spec.head_radius
-        ball = rr.Ellipsoids3D(radii=[radius], centers=[self.spec.head_centre], colors=[head], fill_mode="solid")
+        ball = rr.Ellipsoids3D(radii=[radius], centers=[self.spec.head_centre], colors=[GHOST], fill_mode="solid")
         columns.fix("base/head", ball)
 
-    def _draw_motors(self, columns: Columns, poses: Poses) -> None:
-        """Draw the cylinders at the hips."""
-        motors = self.motors
-        if motors is None:
-            return
-        upright = multiply(poses.hip, about(0, np.full(poses.hip.shape[:2], np.pi / 2)))
-        centres = poses.joint_centres(0) + rotate(poses.hip, motors.centres)
-        lengths, radii = [motors.length] * 4, [motors.radius] * 4
-        columns.fix(
-            "motors", rr.Cylinders3D.from_fields(lengths=lengths, radii=radii, colors=[DARK] * 4, fill_mode="solid")
-        )
-        moved = rr.Cylinders3D.columns(centers=flat(centres), quaternions=flat(xyzw(upright)))
-        columns.send("motors", moved, 4)
-
-    def _draw_legs(self, columns: Columns, poses: Poses, colours: list[Colour]) -> None:
-        """Draw thighs, then calves. A capsule begins at its lower end."""
+    def _draw_legs(self, columns: Columns, poses: Poses) -> None:
+        """Draw thighs of the reference, then calves. A capsule begins at its lower end."""
         ends = np.concatenate([poses.joint_centres(2), poses.feet], axis=1)
         turns = np.concatenate([poses.thigh, poses.calf], axis=1)
         lengths = [leg.thigh_length for leg in self.spec.legs] + [leg.calf_length for leg in self.spec.legs]
         radii = [self.spec.thigh_radius] * 4 + [self.spec.calf_radius] * 4
-        columns.fix("legs", rr.Capsules3D.from_fields(lengths=lengths, radii=radii, colors=colours, fill_mode="solid"))
+        capsules = rr.Capsules3D.from_fields(lengths=lengths, radii=radii, colors=[GHOST] * 8, fill_mode="solid")
+        columns.fix("legs", capsules)
         columns.send("legs", rr.Capsules3D.columns(translations=flat(ends), quaternions=flat(xyzw(turns))), 8)
 
     def _draw_feet(self, columns: Columns, poses: Poses, standing: NDArray[np.bool_]) -> None:

@@ -1,4 +1,4 @@
-"""Where the primitive shapes of a robot are, row by row, computed with NumPy alone."""
+"""Where the links of a robot are, row by row, computed with NumPy alone."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -9,33 +9,9 @@ from numpy.typing import NDArray
 
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.kinematics import link_positions
-from kine2go_warp.robots.urdf import UrdfReader, read_origin
 from kine2go_warp.rotations import multiply, rotate
 
 Array = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Motors:
-    """The cylinders at the hips that hold the motors of the thighs, from the visual shapes of the URDF."""
-
-    radius: float
-    """[m]"""
-    length: float
-    """[m]"""
-    centres: NDArray[np.float64]
-    """Centre of each leg's cylinder in the frame of its hip [m], shape [4, 3]."""
-
-    @classmethod
-    def of(cls, spec: RobotSpec) -> "Motors | None":
-        """Read the shapes of a robot, none where the hips have other ones."""
-        reader = UrdfReader(spec.urdf)
-        found = [reader.root.find(f"link[@name='{hip}']/visual/geometry/cylinder/../..") for hip in spec.leg_links[::3]]
-        centres = [read_origin(visual)[0] for visual in found if visual is not None]
-        if len(centres) < len(found):
-            return None
-        cylinder = reader.find(f"link[@name='{spec.leg_links[0]}']/visual/geometry/cylinder").attrib
-        return cls(float(cylinder["radius"]), float(cylinder["length"]), np.array(centres))
 
 
 @dataclass(frozen=True)

@@ -56,24 +56,29 @@ class FollowCamera:
     """What it looks at for each row [m], shape [num_rows, 3]."""
     azimuths: Array
     """Where it looks for each row [deg], shape [num_rows]."""
+    size: float = 1.0
+    """Of the robot, over the Go2's; the camera stays as much farther away."""
 
     @classmethod
-    def of(cls, root_position: NDArray[Any], root_orientation: NDArray[Any], rate: float) -> "FollowCamera":
+    def of(
+        cls, root_position: NDArray[Any], root_orientation: NDArray[Any], rate: float, size: float = 1.0
+    ) -> "FollowCamera":
         """Follow a path.
 
         Args:
             root_position: [m], shape [num_rows, 3].
             root_orientation: (w, x, y, z), shape [num_rows, 4].
             rate: Rows a second [Hz].
+            size: Of the robot, over the Go2's.
         """
         yaw = np.unwrap(heading(root_orientation)).astype(np.float64)
         targets = smoothed(np.asarray(root_position, np.float64), SMOOTHING * rate)
-        targets[:, 2] -= 0.06  # the middle of the robot is lower than its base
-        return cls(targets, np.rad2deg(smoothed(yaw[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE)
+        targets[:, 2] -= 0.06 * size  # the middle of the robot is lower than its base
+        return cls(targets, np.rad2deg(smoothed(yaw[:, None], TURN_SMOOTHING * rate)[:, 0]) + SIDE, size)
 
     def view(self, row: int) -> View:
         """Return the view of a row."""
-        return View(self.targets[row], float(self.azimuths[row]))
+        return View(self.targets[row], float(self.azimuths[row]), self.size * DISTANCE)
 
 
 def smoothed(values: Array, deviation: float) -> Array:

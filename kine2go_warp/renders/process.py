@@ -14,6 +14,7 @@ import os
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -78,8 +79,8 @@ def drawing_library() -> str:
 class RenderProcess:
     """Draws pictures of one size. Use it as a context manager."""
 
-    def __init__(self, width: int, height: int, robot: str = DEFAULT_ROBOT) -> None:
-        """Start the process; sizes in pixels, ``robot`` as in ``robots.robot_named``.
+    def __init__(self, width: int, height: int, robot: str = DEFAULT_ROBOT, meshes: Path | None = None) -> None:
+        """Start the process; sizes in pixels, ``robot`` as in ``robots.robot_named``, ``meshes`` as in ``Scene``.
 
         Raises:
             RenderError: this machine cannot draw.
@@ -87,8 +88,9 @@ class RenderProcess:
         library = drawing_library()
         self._shape = (height, width, 3)
         # In a session of its own, so that Ctrl-C reaches this process only, which then ends the other one.
+        what = [str(width), str(height), robot, *([] if meshes is None else [str(meshes)])]
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, str(width), str(height), robot],
+            [sys.executable, "-P", "-m", "kine2go_warp.renders.process", library, *what],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -141,10 +143,11 @@ class RenderProcess:
         return np.frombuffer(bytearray(picture), np.uint8).reshape(self._shape)
 
 
-def serve(library: str, width: int, height: int, robot: str, requests: BinaryIO, answers: BinaryIO) -> None:
+def serve(library: str, size: tuple[int, int], what: list[str], requests: BinaryIO, answers: BinaryIO) -> None:
     """Draw a picture for each request, a line of JSON, until the requests end.
 
-    The first answer is a line of JSON, null or an error message; the others are the bytes of pictures.
+    The first answer is a line of JSON, null or an error message; the others are the bytes of pictures. ``what`` is the
+    robot and, if there is one, the folder of meshes.
     """
     from kine2go_warp.renders.renderer import OffscreenRenderer
     from kine2go_warp.renders.scene import Scene
@@ -154,7 +157,8 @@ def serve(library: str, width: int, height: int, robot: str, requests: BinaryIO,
         answers.flush()
 
     try:
-        with OffscreenRenderer(Scene(robot_named(robot)), width, height, library) as renderer:
+        scene = Scene(robot_named(what[0]), *(Path(folder) for folder in what[1:]))
+        with OffscreenRenderer(scene, *size, library) as renderer:
             answer(b"null\n")
             for line in requests:
                 request = RenderRequest.from_line(line)
@@ -170,4 +174,4 @@ if __name__ == "__main__":
     # Drivers may print; what they say must not get among the pictures.
     picture_pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    serve(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4], sys.stdin.buffer, picture_pipe)
+    serve(sys.argv[1], (int(sys.argv[2]), int(sys.argv[3])), sys.argv[4:], sys.stdin.buffer, picture_pipe)

@@ -47,6 +47,8 @@ class RenderConfig:
     """Trajectories side by side; by default as many as below each other."""
     reference: bool = True
     """Whether the reference is drawn, too."""
+    meshes: Path | None = None
+    """Folder of the user's meshes of trunk and legs; by default the robot is drawn as ``robots.look`` has it."""
 
     def __post_init__(self) -> None:
         for name, value in (("width", self.width), ("height", self.height)):
@@ -115,7 +117,8 @@ def read_trajectories(motion: Motion, indices: Sequence[int]) -> list[RenderedTr
                 )
         time = motion.time[: one.length]
         rate = 1.0 / float(time[1] - time[0]) if len(time) > 1 else 60.0
-        camera = FollowCamera.of(one.arrays["root_position"], one.arrays["root_orientation"], rate)
+        path = one.arrays["root_position"], one.arrays["root_orientation"]
+        camera = FollowCamera.of(*path, rate, motion.robot.size)
         level, robot = is_level(motion.attributes), motion.robot.reference
         trajectories[one.index] = RenderedTrajectory(
             motion.name, one.index, one.arrays, time - time[0], camera, level, robot
@@ -231,7 +234,7 @@ def video_pictures(
 ) -> Generator[Picture, None, None]:
     """Draw the pictures of a video, each of shape [height, width, 3]."""
     columns, width, height = tile_sizes(len(trajectories), config)
-    with RenderProcess(width, height, trajectories[0].robot) as renderer:
+    with RenderProcess(width, height, trajectories[0].robot, config.meshes) as renderer:
         for instant in instants:
             picture = np.full((config.height, config.width, 3), 235, np.uint8)
             for place, trajectory in enumerate(trajectories):

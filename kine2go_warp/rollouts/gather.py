@@ -83,7 +83,7 @@ def gather(
     env = record.preset.env
     config = settings_for(config, clip, env.control_rate, catalogue)
     fingerprint = gather_fingerprint(policy, record, clip, config)
-    simulation = SimulationAttributes(env.control_rate, env.substeps, env.motor.stiffness, env.motor.damping)
+    simulation = SimulationAttributes(env.control_rate, env.substeps, *env.motor.gains(clip.spec))
     writer.check(clip.name, simulation)
     known = writer.attributes(clip.name)
     if known.get("fingerprint") == fingerprint:

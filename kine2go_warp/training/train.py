@@ -35,8 +35,7 @@ def training_fingerprint(clips: Sequence[MotionClip], preset: Preset) -> str:
     parts = [[clip.content_hash() for clip in clips], settings]
     if clips[0].robot != DEFAULT_ROBOT:
         # Policies of the Go2 may be older than the choice of a robot.
-        spec = robot_of(clips)
-        parts.append([spec.model_hash, *spec.default_joint_position])
+        parts.append(robot_of(clips).training_values)
     return content_hash(*parts)
 
 

@@ -17,8 +17,7 @@ def robot_inputs(job: Job) -> dict[str, Any]:
     """Return what a stage depends on of a robot other than the Go2; nothing for that, whose artefacts are older."""
     if job.recipe.robot == DEFAULT_ROBOT:
         return {}
-    pose = job.robot.default_joint_position
-    return {"robot": job.robot.reference, "robot_model": job.robot.model_hash, "default_joint_position": list(pose)}
+    return {"robot": job.robot.reference, "robot_values": job.robot.training_values}
 
 
 @dataclass(frozen=True)

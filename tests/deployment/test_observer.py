@@ -65,7 +65,7 @@ def test_observations_and_joint_targets_are_the_environments_over_rollouts_with_
     config = replace(small_config, num_worlds=4, episode_time=1.2, action=ActionConfig(mode=mode, clip=0.8))
     environment = ImitationEnvironment([clip], config, "cpu")
     policy = ExportedPolicy.load(exported)
-    policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=action_rule(config)))
+    policy = replace(policy, clips=(clip,), metadata=replace(policy.metadata, action=action_rule(config, GO2)))
     controllers = [PolicyController(policy) for _ in range(4)]
     for world, controller in enumerate(controllers):
         begin_as(environment, world, controller)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.recordings.shapes import Motors, about, compute_poses, skeletons
+from kine2go_warp.recordings.shapes import about, compute_poses, skeletons
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import link_positions
 from kine2go_warp.rotations import rotate
@@ -52,9 +52,3 @@ def test_skeletons_run_from_hip_to_foot(state):
     assert lines.shape == (50, 4, 4, 3)
     np.testing.assert_array_equal(lines[:, :, 0], poses.joint_centres(0))
     np.testing.assert_array_equal(lines[:, :, 3], poses.feet)
-
-
-def test_motors_are_those_of_the_urdf():
-    motors = Motors.of(GO2)
-    assert (motors.radius, motors.length) == (0.046, 0.04)
-    np.testing.assert_allclose(motors.centres[:, 1], [0.08, -0.08, 0.08, -0.08])

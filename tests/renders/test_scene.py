@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from kine2go_warp.renders.camera import Pose
 from kine2go_warp.renders.scene import Scene
 from kine2go_warp.robots import GO2
-from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.robots.kinematics import foot_positions, link_positions, link_rotations
+from kine2go_warp.robots.look import link_surfaces
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,7 @@ def random_pose(rng):
 
 
 def feet(scene, name):
-    return np.array([scene.data.geom(f"{name}/{foot}_sphere_visual").xpos for foot in GO2.foot_links])
+    return np.array([scene.data.geom(f"{name}/{foot}_0").xpos for foot in GO2.foot_links])
 
 
 def test_feet_are_where_kinematics_says_they_are(scene, rng):
@@ -34,7 +35,7 @@ def test_feet_are_where_kinematics_says_they_are(scene, rng):
 
 
 def test_all_that_is_to_be_seen_is_there_once_for_each_of_the_two(scene):
-    assert scene.model.ngeom == 2 * GO2.urdf.read_text().count("<visual ") + 1
+    assert scene.model.ngeom == 2 * sum(map(len, link_surfaces(GO2).values())) + 1
 
 
 def test_the_reference_is_see_through_and_the_robot_is_not(scene):
@@ -43,6 +44,18 @@ def test_the_reference_is_see_through_and_the_robot_is_not(scene):
     assert all((value < 0.5) == name.startswith("reference/") for name, value in opacity.items())
 
 
-def test_capsules_are_as_long_as_the_cylinders_of_the_model(scene):
-    radius, half_length, _ = scene.model.geom("robot/FL_thigh_capsule_visual").size
-    assert 2.0 * (radius + half_length) == pytest.approx(0.253)
+def test_every_vertex_is_drawn_where_its_link_is(scene, rng):
+    """MuJoCo moves a mesh into its own frame of inertia; the corners come out at the link's pose all the same."""
+    robot, turn = random_pose(rng)
+    scene.place(robot)
+    for leg, thigh in enumerate(GO2.leg_links[1::3]):
+        (surface, *_) = link_surfaces(GO2)[thigh]
+        geom = scene.data.geom(f"robot/{thigh}_0")
+        mesh = scene.model.mesh(f"robot/{thigh}_0")
+        first = int(mesh.vertadr[0])
+        corners = scene.model.mesh_vert[first : first + int(mesh.vertnum[0])] @ geom.xmat.reshape(3, 3).T + geom.xpos
+        frame = link_rotations(GO2, robot.joint_position)[3 * leg + 1]
+        centre = link_positions(GO2, robot.joint_position)[3 * leg + 1]
+        expected = turn.apply(surface.vertices @ frame.T + centre) + robot.root_position
+        distance = np.linalg.norm(corners[:, None] - expected[None], axis=-1)
+        assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-5

@@ -14,9 +14,9 @@ from kine2go_warp.cli.main import main
 from kine2go_warp.dataset import open_dataset
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.recordings.shapes import Motors
 from kine2go_warp.robots import GO2, RobotSpec, robot_named
 from kine2go_warp.robots.kinematics import foot_positions
+from kine2go_warp.robots.look import Motors
 from tests.conftest import ANYTHING_GOES
 from tests.robots.made_up import CALF, FOOT, PAGE, THIGH, WIDTH, urdf, write_robot
 
@@ -186,7 +186,7 @@ def test_a_robot_that_is_gone_is_one_line(clip, dataset_copy, tmp_path, capsys):
     for command in ("score", "check", "replay"):
         assert "gone.py: no such Python file" in error_of(capsys, command, dataset_copy)
     assert next(open_dataset(dataset_copy).trajectories()).length > 100, "data are loaded without it"
-    assert "unknown robot 'b3'; known are: go2, or FILE.py:NAME" in error_of(
+    assert "unknown robot 'b3'; known are: a1, b2, go1, go2, or FILE.py:NAME" in error_of(
         capsys, "retarget", "dog_trot", "--robot", "b3", "--out", tmp_path
     )
 

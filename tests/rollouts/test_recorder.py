@@ -46,7 +46,7 @@ def test_the_mean_action_is_that_of_the_deployed_rule_in_every_mode(mode, clip, 
     with AsyncRowWriter(tmp_path / "rows") as writer:
         recorded = roll_out(env, actor, 1.0, ROWS, writer)
     rows = recorded.rows(np.arange(WORLDS))
-    metadata = SimpleNamespace(action=action_rule(config), default_joint_position=GO2.default_joint_position)
+    metadata = SimpleNamespace(action=action_rule(config, GO2), default_joint_position=GO2.default_joint_position)
     assert np.abs(rows["action"] - rows["action_mean"]).max() > 0.1
     for world in range(WORLDS):
         reference = PlacedClip(clip, config.control_rate)

@@ -99,7 +99,7 @@ class Run:
             count = common_size(motion, layout, "trajectory")
         except ValueError:
             count = None
-        self._complain(store.ATTRIBUTES, name, store.check_attributes(motion, root, count))
+        self._complain(store.ATTRIBUTES, name, store.check_attributes(motion, root, count, self.spec))
         self._check_rows(motion, root)
         if self.physics:
             from kine2go_warp.dataset.checks.physics import physics_findings

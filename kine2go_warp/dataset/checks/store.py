@@ -197,13 +197,16 @@ def check_time(motion: StoredMotion, frequency: float | None) -> Iterator[Compla
         yield Complaint("attribute coordinates is not 'time', so that xarray takes time for data", "time")
 
 
-def check_attributes(motion: StoredMotion, root: dict[str, Any], trajectories: int | None) -> Iterator[Complaint]:
+def check_attributes(
+    motion: StoredMotion, root: dict[str, Any], trajectories: int | None, spec: RobotSpec
+) -> Iterator[Complaint]:
     """Check the attributes of a motion.
 
     Args:
         motion: The motion.
         root: Attributes of the dataset.
         trajectories: How many the arrays hold, None if they cannot tell.
+        spec: The robot.
     """
     attributes = motion.attributes
     for name in COPIED:
@@ -225,19 +228,20 @@ def check_attributes(motion: StoredMotion, root: dict[str, Any], trajectories: i
     wanted = number(attributes, "gather_settings", "trajectories")
     if isinstance(accepted, int) and wanted is not None and accepted > wanted:
         yield Complaint(f"{accepted} rollouts were accepted, but only {wanted:g} were wanted")
-    yield from settings_disagreements(attributes, root)
+    yield from settings_disagreements(attributes, root, spec)
 
 
-def settings_disagreements(attributes: dict[str, Any], root: dict[str, Any]) -> Iterator[Complaint]:
-    """Yield where the settings of a motion's training are not those in the root."""
+def settings_disagreements(attributes: dict[str, Any], root: dict[str, Any], spec: RobotSpec) -> Iterator[Complaint]:
+    """Yield where the settings of a motion's training are not those in the root, which has the robot's own gains."""
     shared = {
-        "control_frequency": ("control_rate",),
-        "physics_substeps": ("substeps",),
-        "stiffness": ("motor", "stiffness"),
-        "damping": ("motor", "damping"),
+        "control_frequency": (1.0, ("control_rate",)),
+        "physics_substeps": (1.0, ("substeps",)),
+        "stiffness": (spec.stiffness_factor, ("motor", "stiffness")),
+        "damping": (spec.damping_factor, ("motor", "damping")),
     }
-    for name, keys in shared.items():
-        value = number(attributes, "training_settings", "env", *keys)
+    for name, (factor, keys) in shared.items():
+        setting = number(attributes, "training_settings", "env", *keys)
+        value = None if setting is None else factor * setting
         if value is not None and number(root, name) is not None and value != number(root, name):
             yield Complaint(f"trained with {name} {value:g}, but the root says {shown(root[name])}")
 
