@@ -138,8 +138,8 @@ class Preset:
     """All settings of a training: environment, learner, when it stops, and what it begins with."""
 
     preset: str = "paper"
-    """Name of the preset that the settings began with: fast, paper, robust, no_state_estimation, or FILE.py:NAME
-    for one of your own."""
+    """Name of the preset that the settings began with: fast, paper, robust, generalist, no_state_estimation, or
+    FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     stopping: StoppingConfig = field(default_factory=StoppingConfig)
@@ -227,7 +227,16 @@ NO_STATE_ESTIMATION = replace(
 The critic, which only training needs, sees the velocity and the height.
 """
 
-PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, NO_STATE_ESTIMATION)}
+GENERALIST = replace(
+    FAST,
+    preset="generalist",
+    env=replace(FAST.env, phase_sampling=PhaseSamplingConfig(uniform_share=0.5)),
+    ppo=replace(FAST.ppo, iterations=1500, hidden_dims=(512, 256, 128), save_interval=50),
+    stopping=replace(FAST.stopping, interval=100),
+)
+"""``fast`` for one policy of many clips: larger networks, and half of the episodes begin where clips are lost."""
+
+PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, GENERALIST, NO_STATE_ESTIMATION)}
 
 
 def find_preset(name: str) -> Preset:
