@@ -192,15 +192,17 @@ def test_a_controller_that_dies_or_is_stopped_leaves_the_robot_damped(robot, bun
 
 @pytest.mark.parametrize("seconds", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_the_command_tracks_with_a_simulated_robot_that_measures_it(trained_bundle, domain, capfd, seconds):
-    options = f"--network lo --domain {domain} --simulate --stand-seconds 1 --start-after 0.1 --seconds {seconds}"
-    assert main(["deploy", str(trained_bundle), *options.split()]) == 0
+    # Lateness is for the faults above; here a busy machine may be late.
+    options = f"--network lo --domain {domain} --simulate --stand-seconds 1 --start-after 0.1 --limits.max-age 0.3"
+    status = main(["deploy", str(trained_bundle), *options.split(), "--seconds", str(seconds)])
     output = capfd.readouterr().out
+    assert status == 0, output
     phases = [phase.value for phase in Phase if phase is not Phase.DAMPED]
     assert output.splitlines()[:5] == [*phases, f"damped: tracked for {seconds} s"]
     own, other = (float(found) for found in re.findall(r"joint RMSE (\d\.\d+) rad", output))
     # The first steps from standing are in it; standing still would be off by 0.18 rad.
     assert 0.002 < other < 0.06
-    assert own == pytest.approx(other, abs=0.02)
+    assert 0.002 < own < 0.1, "its states are up to a message old"
     distance, reference, tilt = map(float, re.search(DISTANCES, output).groups())
     assert reference == pytest.approx(0.62 * seconds, abs=0.05)
     assert distance == pytest.approx(reference, rel=0.15)
