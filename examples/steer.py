@@ -29,6 +29,8 @@ from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.evaluation.mujoco import MujocoRollouts
 from kine2go_warp.learning.policy import PolicyFolder
+from kine2go_warp.rotations import heading
+from kine2go_warp.scores.plots import COLOURS, new_figure, save
 
 KEYS = "w and s: faster and slower, a and d: turn left and right, q: quit"
 SHOWN_AT_ONCE = 12
@@ -53,6 +55,8 @@ class Settings:
     """Watch in a browser on this machine."""
     rerun_save: Path | None = None
     """Write a recording (.rrd) instead."""
+    picture: Path | None = None
+    """Draw the way, and what was commanded beside what was done, to this file (.png)."""
     matching: tyro.conf.OmitArgPrefixes[MatchingConfig] = field(default_factory=MatchingConfig)
 
 
@@ -174,9 +178,10 @@ def run(settings: Settings) -> None:
         if pressed:
             print(KEYS)
         commands = commands_of(plan, rate) if pressed is None else commands_of_keys(pressed, drive.reference.command)
-        start, follows = time.monotonic(), True
+        start, follows, done = time.monotonic(), True, list[Command]()
         for number, command in enumerate(commands, 1):
             drive.reference.command = command
+            done.append(command)
             follows = drive.step()
             if observer is not None and number % SHOWN_AT_ONCE == 0:
                 some = drive.rows[-SHOWN_AT_ONCE:]
@@ -187,6 +192,8 @@ def run(settings: Settings) -> None:
             if live:
                 time.sleep(max(0.0, start + number / rate - time.monotonic()))
     print(summary(drive, follows))
+    if settings.picture is not None:
+        print(f"{draw(drive, done, settings.picture)}: the way, speed and turn rate")
 
 
 def summary(drive: Drive, follows: bool) -> str:
@@ -199,6 +206,30 @@ def summary(drive: Drive, follows: bool) -> str:
         f"\n{'followed' if follows else 'was lost after'} {seconds:.1f} s with {drive.reference.jumps} jumps between "
         f"clips: joint RMSE {np.sqrt(np.mean(joints**2)):.3f} rad, root {100.0 * off.mean():.1f} cm off on average"
     )
+
+
+def draw(drive: Drive, commands: Sequence[Command], path: Path) -> Path:
+    """Draw the way from above, and speed and turn rate as commanded, of the reference and of the robot."""
+    rows = {name: np.stack([row[name] for row in drive.rows]) for name in drive.rows[0]}
+    time, span = np.arange(len(drive.rows)) / drive.reference.rate, round(0.5 * drive.reference.rate)
+    figure = new_figure(9.0, 3.6)
+    way, speed, turn = figure.subplots(1, 3)
+    way.set(title="way [m]", aspect="equal")
+    speed.set(title="speed [m/s]", xlabel="time [s]")
+    turn.set(title="turn rate [rad/s]", xlabel="time [s]")
+    speed.plot(time, [command.speed for command in commands], color="0.3", linestyle="--", label="commanded")
+    turn.plot(time, [command.turn for command in commands], color="0.3", linestyle="--")
+    for colour, name, prefix in zip(COLOURS, ("reference", "robot"), ("reference_", ""), strict=False):
+        position, orientation = rows[f"{prefix}root_position"], rows[f"{prefix}root_orientation"]
+        yaw = np.unwrap(heading(orientation.astype(np.float64)))
+        # Over half a second, so that the swaying of each stride does not hide it.
+        going = (position[span:, :2] - position[:-span, :2]) * drive.reference.rate / span
+        middle = 0.5 * (yaw[span:] + yaw[:-span])
+        way.plot(*position[:, :2].T, color=colour, label=name)
+        speed.plot(time[span:], going[:, 0] * np.cos(middle) + going[:, 1] * np.sin(middle), color=colour, label=name)
+        turn.plot(time[span:], (yaw[span:] - yaw[:-span]) * drive.reference.rate / span, color=colour)
+    speed.legend(fontsize="small")
+    return save(figure, path)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

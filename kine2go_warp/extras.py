@@ -13,6 +13,7 @@ DISTRIBUTIONS = {
     "rsl_rl": "rsl-rl-lib",
     "tensordict": "rsl-rl-lib",
     "warp": "warp-lang",
+    "yaml": "pyyaml",
 }
 """Distributions of modules that are named otherwise, or that another one brings."""
 

@@ -20,7 +20,7 @@ PARTS = {
     "train": ["training.train", "training.runner", "rollouts.gather", "rollouts.collector", "evaluation.evaluate"],
     "review": ["recordings.motion", "recordings.viewer", "renders.renderer", "reports.report", "scores.report"],
     "export": ["exports.lerobot", "exports.npz"],
-    "deploy": ["deployment.controller", "deployment.observer"],
+    "deploy": ["deployment.controller", "deployment.drive", "deployment.dds", "deployment.simulated_robot"],
     "cluster": ["pipelines.engines.cluster"],
 }
 """What must be importable with the packages of an extra alone. ``gym`` is an addition to ``train``."""

@@ -41,13 +41,14 @@ COMMANDS = {
     "dataset benchmark": "benchmark_command:Benchmark",
     "dataset export": "export_command:Export",
     "dataset publish": "publish_command:Publish",
+    "deploy": "deploy_command:Deploy",
     "doctor": "commands:Doctor",
     "bench": "bench_command:Bench",
 }
 """Where each command is, imported only when it is wanted."""
 
 GROUPS = {
-    "": "whole runs and this machine",
+    "": "whole runs, a robot, and this machine",
     "motion": "source clips and their retargeting",
     "policy": "training and what becomes of a policy",
     "dataset": "rollouts and the data made of them",

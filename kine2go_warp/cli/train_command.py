@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from kine2go_warp.benchmark.splits import split_of
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import ClipPaths, Device, read_clips
 from kine2go_warp.env.config import EnvConfig
@@ -30,6 +31,8 @@ class Train:
 
     clips: ClipPaths = ()
     """Clips (.npz) made by 'kine2go motion retarget'. One policy tracks them all, told which by the reference alone."""
+    held_out: bool = True
+    """Train also on those that the benchmark holds out, so that figures on them say nothing of new motions."""
     out: Path | None = None
     """Policy folder; by default runs/policies/NAME, NAME+NAME of a few clips, or 52_clips of so many."""
     device: Device = None
@@ -46,7 +49,7 @@ class Train:
     rerun_save: Path | None = None
     """Write the same to this file (.rrd) instead."""
     preset: str = FAST.preset
-    """Settings to begin with: fast, paper, robust, or FILE.py:NAME for a preset of your own."""
+    """Settings to begin with: fast, paper, robust, generalist, or FILE.py:NAME for a preset of your own."""
     config: Path | None = None
     """TOML file whose section [train] replaces some of the preset's settings, as in a recipe."""
     print_config: bool = False
@@ -95,7 +98,9 @@ class Train:
             return 0
         if not self.clips:
             raise PolicyError("name at least one clip; 'kine2go motion retarget' makes them")
-        clips = read_clips(self.clips)
+        clips = [clip for clip in read_clips(self.clips) if self.held_out or split_of(clip.name) == "train"]
+        if not clips:
+            raise PolicyError("all of the clips are held out by the benchmark; name others, or leave out --no-held-out")
         choose_processes(self.processes, settings.env.num_worlds, choose_device(self.device))
         limit_threads()
         name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"

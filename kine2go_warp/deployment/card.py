@@ -1,6 +1,15 @@
 """The page that goes with an exported policy."""
 
-from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, OUTPUT_NAME, PolicyMetadata
+from kine2go_warp.deployment.metadata import (
+    INPUT_NAME,
+    METADATA_FILE,
+    METADATA_KEY,
+    OBSERVATION_FILE,
+    ONNX_FILE,
+    OUTPUT_NAME,
+    TORCHSCRIPT_FILE,
+    PolicyMetadata,
+)
 from kine2go_warp.tables import Cell, make_table, markdown
 
 USAGE = f"""```python
@@ -12,34 +21,27 @@ observation = np.zeros((1, metadata["observation"][-1]["stop"]), np.float32)  # 
 (output,) = session.run(["{OUTPUT_NAME}"], {{"{INPUT_NAME}": observation}})
 ```
 
-TorchScript: `torch.jit.load("policy.pt")(observation)`. With kine2go-warp, `PolicyController` of
-`kine2go_warp.deployment.controller` builds the observations from measured states and returns joint targets."""
+TorchScript: `torch.jit.load("policy.pt")(observation)`. With kine2go-warp, `kine2go deploy` drives a robot with this
+folder, and `PolicyController` of `kine2go_warp.deployment.controller` builds the observations from measured states and
+returns joint targets."""
 
 
 def policy_card(metadata: PolicyMetadata) -> str:
     """Return the page as Markdown."""
     action = metadata.action
-    per_joint = zip(
-        metadata.joint_names,
-        metadata.default_joint_position,
-        metadata.joint_lower,
-        metadata.joint_upper,
-        metadata.torque_limit,
-        strict=True,
-    )
     joints = make_table(
         "",
         ("joint", "output", "SDK motor", "default position [rad]", "limits [rad]", "torque limit [N m]"),
         (
             (
-                Cell(name, code=True),
-                place,
-                metadata.sdk_motor_order.index(name),
-                f"{default:g}",
-                f"{lower:g} to {upper:g}",
-                f"{limit:g}",
+                Cell(joint.name, code=True),
+                joint.policy_index,
+                joint.sdk_index,
+                f"{joint.default_position:g}",
+                f"{joint.lower:g} to {joint.upper:g}",
+                f"{joint.torque_limit:g}",
             )
-            for place, (name, default, lower, upper, limit) in enumerate(per_joint)
+            for joint in metadata.joints
         ),
     )
     parts = make_table(
@@ -55,10 +57,11 @@ def policy_card(metadata: PolicyMetadata) -> str:
     return f"""# {metadata.policy}
 
 A policy that tracks motion clips with a {metadata.robot}, trained for {metadata.iterations} iterations; exported by
-kine2go-warp {metadata.software_version}. `metadata.json` has all of this for machines; the same text is inside
-`policy.onnx` and `policy.pt`. The normaliser: {metadata.normaliser}. Both models give the policy's mean output; they
-differ from it by at most {metadata.parity.onnx:.1e} (ONNX) and {metadata.parity.torchscript:.1e} (TorchScript) on
-{metadata.parity.observations} observations.
+kine2go-warp {metadata.software_version}. `{METADATA_FILE}` has all of this for machines, and
+`{OBSERVATION_FILE}` the table of the observation; `{ONNX_FILE}` and `{TORCHSCRIPT_FILE}` hold both inside.
+The normaliser: {metadata.normaliser}. Both models give the policy's mean output; they differ from it by at most
+{metadata.parity.onnx:.1e} (ONNX) and {metadata.parity.torchscript:.1e} (TorchScript) on {metadata.parity.observations}
+observations.
 
 {USAGE}
 

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.deployment.metadata import INPUT_NAME, METADATA_KEY, ONNX_FILE, OUTPUT_NAME, PolicyMetadata
+from kine2go_warp.deployment.metadata import (
+    INPUT_NAME,
+    METADATA_FILE,
+    METADATA_KEY,
+    OBSERVATION_FILE,
+    ONNX_FILE,
+    OUTPUT_NAME,
+    PolicyMetadata,
+    read_metadata,
+)
 from kine2go_warp.deployment.observer import MeasuredState, ObservationBuilder
 from kine2go_warp.deployment.reference import PlacedClip, Reference
 from kine2go_warp.errors import PolicyError
@@ -42,10 +51,10 @@ class ExportedPolicy:
 
     @classmethod
     def load(cls, folder: Path) -> "ExportedPolicy":
-        """Read model, metadata and clips; the metadata are those inside the model.
+        """Read model, metadata and clips.
 
         Raises:
-            PolicyError: the folder holds no exported policy, or another clip than the one exported.
+            PolicyError: the folder holds no exported policy, or metadata or clips that are not the model's.
         """
         path = folder / ONNX_FILE
         if not path.is_file():
@@ -53,6 +62,10 @@ class ExportedPolicy:
         session = open_session(path)
         text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY, "")
         metadata = PolicyMetadata.from_json(text, str(path))
+        if read_metadata(folder) != metadata:
+            raise PolicyError(
+                f"{folder / METADATA_FILE} or {OBSERVATION_FILE}: not what {ONNX_FILE} holds; export the policy again"
+            )
         for clip in metadata.clips:
             file = folder / clip.file
             if not file.is_file() or sha256_of(file) != clip.sha256:
@@ -76,7 +89,7 @@ class TrackingController:
     def restart(self) -> None:
         """Begin an episode."""
         self.observer.begin()
-        self.last_action = np.zeros(len(self.metadata.joint_names), np.float32)
+        self.last_action = np.zeros(len(self.metadata.joints), np.float32)
         self.step = 0
 
     def act(self, state: MeasuredState) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Exporting a policy: one folder that stands on its own, checked against the policy that it came from."""
+"""Exporting a policy: a bundle that stands on its own, checked against the policy that it came from."""
 
 import contextlib
 import io
@@ -26,9 +26,11 @@ from kine2go_warp.deployment.metadata import (
     METADATA_KEY,
     ONNX_FILE,
     OUTPUT_NAME,
+    TORCHSCRIPT_EXTRA,
     TORCHSCRIPT_FILE,
     TORQUE_RULE,
     ActionRule,
+    JointRow,
     ObservationRow,
     Parity,
     PolicyMetadata,
@@ -52,6 +54,7 @@ REAL_WORLDS, REAL_STEPS, RANDOM_SPREAD = 8, 60, 3.0
 """Real observations: worlds and control steps. Random ones scatter this many times as widely as the real ones."""
 
 OPSET = 18
+"""What torch exports at best; the file says the lowest that its operators need."""
 
 
 def default_folder(policy: PolicyFolder) -> Path:
@@ -83,8 +86,8 @@ def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False) -> P
         text = metadata.to_json()
         add_metadata(staging / ONNX_FILE, text)
         with quiet_exporter():
-            torch.jit.save(script, staging / TORCHSCRIPT_FILE, _extra_files={METADATA_FILE: text})
-        (staging / METADATA_FILE).write_text(text + "\n")
+            torch.jit.save(script, staging / TORCHSCRIPT_FILE, _extra_files={TORCHSCRIPT_EXTRA: text})
+        metadata.write(staging)
         (staging / "README.md").write_text(policy_card(metadata))
     return metadata
 
@@ -167,6 +170,25 @@ def write_onnx(actor: NoisyPolicy, size: int, path: Path) -> None:
             dynamo=True,
             external_data=False,
         )
+    lower_versions(path)
+
+
+def lower_versions(path: Path) -> None:
+    """Say in an ONNX model the lowest operator set and file format that it needs, so that older runtimes load it.
+
+    Between the operator set in which an operator was last changed and ``OPSET`` it means the same.
+    """
+    import onnx
+
+    model = onnx.load(path)
+    # Notes of the exporter, in fields that the older format does not have.
+    for part in (model.graph, *model.graph.node, *model.graph.initializer, *model.graph.input, *model.graph.output):
+        part.ClearField("metadata_props")
+    operators = {node.op_type for node in model.graph.node}
+    model.opset_import[0].version = max(onnx.defs.get_schema(name, OPSET).since_version for name in operators)
+    model.ir_version = onnx.helper.find_min_ir_version_for(model.opset_import)
+    onnx.checker.check_model(model, full_check=True)
+    onnx.save(model, path)
 
 
 def scripted(actor: NoisyPolicy) -> torch.jit.ScriptModule:
@@ -217,12 +239,7 @@ def describe(
         fingerprint=record.fingerprint,
         robot=spec.name,
         robot_model_sha256=spec.model_hash,
-        joint_names=spec.joint_names,
-        sdk_motor_order=spec.sdk_motor_order,
-        default_joint_position=spec.default_joint_position,
-        joint_lower=spec.joint_lower,
-        joint_upper=spec.joint_upper,
-        torque_limit=spec.joint_effort,
+        joints=joint_table(spec),
         stiffness=stiffness,
         damping=damping,
         torque_rule=TORQUE_RULE,
@@ -240,6 +257,15 @@ def describe(
         parity=parity,
         motor_limits=spec.motor_limits if config.motor.torque_speed else None,
         joint_friction=config.motor.joint_friction(spec),
+    )
+
+
+def joint_table(spec: RobotSpec) -> tuple[JointRow, ...]:
+    """Return what each output of the policy belongs to."""
+    columns = (spec.default_joint_position, spec.joint_lower, spec.joint_upper, spec.joint_effort)
+    return tuple(
+        JointRow(name, place, spec.sdk_motor_order.index(name), *values)
+        for place, (name, *values) in enumerate(zip(spec.joint_names, *columns, strict=True))
     )
 
 

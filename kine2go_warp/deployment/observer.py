@@ -4,6 +4,7 @@ It shares no code with the simulation's kernels, so that the two can be held aga
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,6 +118,15 @@ KNOWN = {
     "reference_joint_position": 12,
 }
 """Quantities that are known here, and their sizes."""
+
+ESTIMATED = ("linear_velocity_b", "reference_position_h")
+"""Those that need the position or the velocity of the root, which a legged robot can only estimate."""
+
+
+def estimated_rows(rows: Iterable[ObservationRow]) -> list[str]:
+    """Return the quantities of an observation that need an estimate of the root."""
+    names = {parsed(row)[0] for row in rows}
+    return [name for name in ESTIMATED if name in names]
 
 
 def parsed(row: ObservationRow) -> tuple[str, int]:

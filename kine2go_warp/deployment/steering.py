@@ -17,6 +17,13 @@ from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.settings import check_ranges
 
+SPEED_SCALE, TURN_SCALE = 0.15, 0.2
+"""How far off a command counts as much as a scale of the pose [m/s, rad/s]."""
+JOINT_SCALE, RATE_SCALE, HEIGHT_SCALE = 0.15, 0.03, 0.03
+"""Scales of the differences between two poses [rad, rad in a frame, m]."""
+LEAST_GAIN = 1.0
+"""Gain, in squared scales, for which a jump is worth while."""
+
 
 @dataclass(frozen=True)
 class Command:
@@ -64,6 +71,8 @@ class Frames:
     """Number of the next frame, shape [num_frames]."""
     speed: Array
     """Mean of the coming time [m/s], shape [num_frames]."""
+    side_speed: Array
+    """The same to the left [m/s], shape [num_frames]."""
     turn: Array
     """Mean of the coming time [rad/s], shape [num_frames]."""
 
@@ -87,14 +96,26 @@ class Frames:
             part.following[:] += first[number]
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
-    def nearest(self, pose: int, joints: Array, rates: Array, height: float, command: Command) -> int:
-        """Return the frame that suits a command and is nearest to a pose; frame ``pose`` is favoured a little."""
-        cost = np.mean((self.joints - joints) ** 2, axis=1) / 0.15**2
-        cost += np.mean((self.rates - rates) ** 2, axis=1) / 0.03**2
-        cost += ((self.height - height) / 0.03) ** 2
-        cost += ((self.speed - command.speed) / 0.15) ** 2 + ((self.turn - command.turn) / 0.2) ** 2
-        cost[pose] -= 0.5
-        return int(np.argmin(cost))
+    def unsuited(self, command: Command) -> Array:
+        """Return how badly each frame suits a command, shape [num_frames]."""
+        off = ((self.speed - command.speed) / SPEED_SCALE) ** 2 + (self.side_speed / SPEED_SCALE) ** 2
+        return off + ((self.turn - command.turn) / TURN_SCALE) ** 2
+
+    def nearest(self, place: int, joints: Array, rates: Array, height: float, command: Command) -> int:
+        """Return the frame that suits a command and is nearest to a pose: the present one, unless another gains much.
+
+        Args:
+            place: The present frame.
+            joints: Of the pose [rad], shape [12].
+            rates: Their change in a frame [rad], shape [12].
+            height: Of the root [m].
+            command: What is asked.
+        """
+        cost = np.mean((self.joints - joints) ** 2, axis=1) / JOINT_SCALE**2
+        cost += np.mean((self.rates - rates) ** 2, axis=1) / RATE_SCALE**2
+        cost += ((self.height - height) / HEIGHT_SCALE) ** 2 + self.unsuited(command)
+        best = int(np.argmin(cost))
+        return best if cost[best] < cost[place] - LEAST_GAIN else place
 
 
 def frames_of(clip: MotionClip, rate: float, ahead: int) -> Frames:
@@ -117,6 +138,7 @@ def frames_of(clip: MotionClip, rate: float, ahead: int) -> Frames:
         step=np.column_stack([way[:, :2], np.diff(yaw)])[:count],
         following=(np.arange(count) + 1) % count,
         speed=rate * way[coming, 0].mean(axis=1),
+        side_speed=rate * way[coming, 1].mean(axis=1),
         turn=rate * np.diff(yaw)[coming].mean(axis=1),
     )
 
@@ -128,8 +150,7 @@ class SteeredReference:
         self.frames, self.rate = frames, rate
         self.config, self.command, self.jumps = config, command, 0
         self._interval, self._fade = (max(1, round(span * rate)) for span in (config.interval, config.fade))
-        suits = ((frames.speed - command.speed) / 0.15) ** 2 + ((frames.turn - command.turn) / 0.2) ** 2
-        self._place, self._since, self._bend = int(np.argmin(suits)), self._fade, 0.0
+        self._place, self._since, self._bend = int(np.argmin(frames.unsuited(command))), self._fade, 0.0
         self._offset = self._pose(self._place) * 0.0
         self._roots = [self._root(np.zeros(2), 0.0, self._pose(self._place))]
         self._joints = [frames.joints[self._place]]

@@ -256,21 +256,25 @@ class MujocoRobot:
 
     def step(self, joint_target: NDArray[Any]) -> None:
         """Advance by one control step with a joint target [rad], shape [12]."""
-        motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
+        motors = self.motors
         self.torque_at_limit, self.joint_power = np.zeros((2, 12))
         for _ in range(self.substeps):
             # One target a substep: the first in the queue was commanded the latency ago.
             self._targets.append(np.asarray(joint_target, np.float64))
-            position, velocity = self.data.qpos[7:].copy(), self.data.qvel[FIRST_DOF:].copy()
-            error = self._targets.pop(0) + motors.offset - position
-            demand = motors.strength * (motors.stiffness * error - motors.damping * velocity)
-            limit = motors.limits.available(demand, velocity)
-            self.torque = np.clip(demand, -limit, limit)
-            stretch = np.clip(position - self.friction_anchor, -reach, reach)
-            self.friction_anchor = position - stretch
-            friction = -FRICTION_STIFFNESS * stretch - FRICTION_DAMPING * velocity
-            friction = np.clip(friction, -motors.friction, motors.friction)
-            self.data.qfrc_applied[FIRST_DOF:] = self.torque + friction
-            mujoco.mj_step(self.model, self.data)
-            self.torque_at_limit += (np.abs(self.torque) >= SATURATION * limit) / self.substeps
-            self.joint_power += self.torque * self.data.qvel[FIRST_DOF:] / self.substeps
+            error = self._targets.pop(0) + motors.offset - self.data.qpos[7:]
+            self.drive(motors.strength * (motors.stiffness * error - motors.damping * self.data.qvel[FIRST_DOF:]))
+
+    def drive(self, torque: NDArray[Any]) -> None:
+        """Advance by one physics step with torques that the motors give as far as they can [N m], shape [12]."""
+        motors, reach = self.motors, self.motors.friction / FRICTION_STIFFNESS
+        position, velocity = self.data.qpos[7:].copy(), self.data.qvel[FIRST_DOF:].copy()
+        limit = motors.limits.available(torque, velocity)
+        self.torque = np.clip(torque, -limit, limit)
+        stretch = np.clip(position - self.friction_anchor, -reach, reach)
+        self.friction_anchor = position - stretch
+        friction = -FRICTION_STIFFNESS * stretch - FRICTION_DAMPING * velocity
+        friction = np.clip(friction, -motors.friction, motors.friction)
+        self.data.qfrc_applied[FIRST_DOF:] = self.torque + friction
+        mujoco.mj_step(self.model, self.data)
+        self.torque_at_limit += (np.abs(self.torque) >= SATURATION * limit) / self.substeps
+        self.joint_power += self.torque * self.data.qvel[FIRST_DOF:] / self.substeps

@@ -12,6 +12,8 @@ from kine2go_warp.env.config import (
     PhaseSamplingConfig,
     ResetConfig,
 )
+from kine2go_warp.env.terms.base import with_term
+from kine2go_warp.env.terms.observations import OBSERVATIONS, REFERENCE_OBSERVATIONS
 from kine2go_warp.env.terms.randomization import randomized
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import Kine2GoError
@@ -136,7 +138,8 @@ class Preset:
     """All settings of a training: environment, learner, when it stops, and what it begins with."""
 
     preset: str = "paper"
-    """Name of the preset that the settings began with: fast, paper, robust, or FILE.py:NAME for one of your own."""
+    """Name of the preset that the settings began with: fast, paper, robust, generalist, no_state_estimation, or
+    FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     stopping: StoppingConfig = field(default_factory=StoppingConfig)
@@ -209,7 +212,31 @@ ROBUST = replace(
 )
 """``fast`` with everything drawn that differs between robots, a critic that sees it, and pushes."""
 
-PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST)}
+NO_STATE_ESTIMATION = replace(
+    FAST,
+    preset="no_state_estimation",
+    env=replace(
+        FAST.env,
+        observations=with_term(OBSERVATIONS, "linear_velocity_b", enabled=False),
+        reference_observations=with_term(REFERENCE_OBSERVATIONS, "reference_position_h", enabled=False),
+        privileged=True,
+    ),
+)
+"""``fast`` without what a robot does not measure: where its base is and how fast it moves.
+
+The critic, which only training needs, sees the velocity and the height.
+"""
+
+GENERALIST = replace(
+    FAST,
+    preset="generalist",
+    env=replace(FAST.env, phase_sampling=PhaseSamplingConfig(uniform_share=0.5)),
+    ppo=replace(FAST.ppo, iterations=1500, hidden_dims=(512, 256, 128), save_interval=50),
+    stopping=replace(FAST.stopping, interval=100),
+)
+"""``fast`` for one policy of many clips: larger networks, and half of the episodes begin where clips are lost."""
+
+PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, GENERALIST, NO_STATE_ESTIMATION)}
 
 
 def find_preset(name: str) -> Preset:

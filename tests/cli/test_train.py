@@ -3,6 +3,7 @@
 import pytest
 
 from kine2go_warp.cli.main import main
+from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import ROBUST, find_preset
 from kine2go_warp.pipelines.recipe import load_recipe
 
@@ -68,3 +69,14 @@ def test_wrong_settings_are_refused_in_one_line_that_says_what_is_right(
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
+
+
+def test_clips_that_the_benchmark_holds_out_are_left_out_when_asked_for(clip, standing_clip, tmp_path, capsys):
+    for one in (clip, standing_clip):
+        one.save(tmp_path / f"{one.name}.npz")
+    trot, standing = (str(tmp_path / f"{one.name}.npz") for one in (clip, standing_clip))
+    options = ["--no-held-out", "--out", str(tmp_path / "policy"), "--iterations", "1", "--num-worlds", "8"]
+    assert main(["train", trot, *options]) == 2
+    assert "all of the clips are held out" in capsys.readouterr().err
+    assert main(["train", trot, standing, *options, "--processes", "1", "--device", "cpu"]) == 0
+    assert PolicyFolder(tmp_path / "policy").read_record().clips == ("standing.npz",)

@@ -8,12 +8,20 @@ import numpy as np
 import onnx
 import pytest
 import torch
+import yaml
 
 from kine2go_warp.cli.main import main
 from kine2go_warp.deployment import export
 from kine2go_warp.deployment.controller import ExportedPolicy
 from kine2go_warp.deployment.export import export_policy
-from kine2go_warp.deployment.metadata import METADATA_FILE, METADATA_KEY, PolicyMetadata, read_metadata
+from kine2go_warp.deployment.metadata import (
+    METADATA_FILE,
+    METADATA_KEY,
+    OBSERVATION_FILE,
+    TORCHSCRIPT_EXTRA,
+    PolicyMetadata,
+    read_metadata,
+)
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.checkpoint import load_checkpoint
 from kine2go_warp.robots import GO2
@@ -44,12 +52,23 @@ def test_both_models_are_the_checkpoints_network_with_its_normaliser(policy, exp
     np.testing.assert_allclose(script(torch.from_numpy(observation)).detach().numpy(), expected, atol=1e-5)
 
 
-def test_the_metadata_are_the_same_in_all_three_files(exported):
-    extra = {METADATA_FILE: ""}
+def test_both_models_hold_what_the_two_files_say_once(exported):
+    extra = {TORCHSCRIPT_EXTRA: ""}
     torch.jit.load(exported / "policy.pt", _extra_files=extra)
     inside = {entry.key: entry.value for entry in onnx.load(exported / "policy.onnx").metadata_props}[METADATA_KEY]
-    assert json.loads(inside) == json.loads(extra[METADATA_FILE]) == json.loads((exported / METADATA_FILE).read_text())
+    drive = yaml.safe_load((exported / METADATA_FILE).read_text())
+    observation = json.loads((exported / OBSERVATION_FILE).read_text())
+    assert not drive.keys() & observation.keys(), "no fact is in both files"
+    assert json.loads(inside) == json.loads(extra[TORCHSCRIPT_EXTRA]) == drive | observation
     assert PolicyMetadata.from_json(inside, "") == read_metadata(exported)
+
+
+def test_the_model_says_the_lowest_versions_that_its_operators_need(exported):
+    """ONNX Runtime 1.16 reads operator sets up to 19 and files up to version 9."""
+    model = onnx.load(exported / "policy.onnx")
+    assert {node.op_type for node in model.graph.node} == {"Sub", "Div", "Gemm", "Elu"}
+    # Sub and Div were last changed in operator set 14, which came with version 7 of the file.
+    assert ([one.version for one in model.opset_import], model.ir_version) == ([14], 7)
 
 
 def test_the_metadata_say_what_a_robot_needs(policy, exported, clip):
@@ -87,7 +106,9 @@ def test_the_page_says_which_sdk_motor_each_output_goes_to(exported):
     }
     expected = {"FL": 3, "FR": 0, "RL": 9, "RR": 6}
     limits = zip(GO2.joint_names, GO2.joint_lower, GO2.joint_upper, strict=True)
+    rows = yaml.safe_load((exported / METADATA_FILE).read_text())["joints"]
     for place, (name, lower, upper) in enumerate(limits):
+        assert (rows[place]["name"], rows[place]["sdk_index"]) == (name, GO2.sdk_motor_order.index(name))
         output, motor, _, limit, _ = table[name]
         assert int(output) == place
         assert int(motor) == expected[name[:2]] + ("hip", "thigh", "calf").index(name.split("_")[1])
@@ -149,9 +170,30 @@ def another_version(folder):
     onnx.save(model, folder / "policy.onnx")
 
 
+def turn_up_a_gain(folder):
+    file = folder / METADATA_FILE
+    file.write_text(file.read_text().replace("stiffness: 60.0", "stiffness: 600.0"))
+
+
+def move_a_row(folder):
+    file = folder / OBSERVATION_FILE
+    file.write_text(file.read_text().replace('"start": 3', '"start": 4', 1))
+
+
+def an_older_export(folder):
+    (folder / METADATA_FILE).rename(folder / "metadata.json")
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
+        (turn_up_a_gain, "not what policy.onnx holds"),
+        (move_a_row, "not what policy.onnx holds"),
+        (an_older_export, "export of an older version"),
+        (lambda folder: (folder / METADATA_FILE).write_text("a: [1"), "cannot be read as YAML"),
+        (lambda folder: (folder / METADATA_FILE).write_text("- 1"), "cannot be read"),
+        (lambda folder: (folder / OBSERVATION_FILE).write_text("{}"), "cannot be read"),
+        (lambda folder: (folder / OBSERVATION_FILE).unlink(), "missing"),
         (spoil_model, "not an ONNX model that can be read"),
         (spoil_clip, "not the clip that was exported"),
         (forget_metadata, "no metadata that can be read"),

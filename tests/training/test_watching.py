@@ -73,7 +73,7 @@ def test_stretches_begin_at_intervals_and_are_whole(environment, clock):
     assert eyes.blocks[-1][0][0] == pytest.approx((600 + STRETCH + 20 + 1) / 60.0)
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_watched_training_ends_with_the_same_policy(clip, tmp_path, processes):
     config, eyes = FAST.override({"env.num_worlds": 8, "ppo.iterations": 3}), Eyes()
     train([clip], config, tmp_path / "watched", "cpu", processes=processes, observer=eyes)
