@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kine2go_warp.errors import RenderError
 from kine2go_warp.renders.camera import Pose
 from kine2go_warp.renders.scene import Scene
 from kine2go_warp.robots import GO2
@@ -59,3 +60,30 @@ def test_every_vertex_is_drawn_where_its_link_is(scene, rng):
         expected = turn.apply(surface.vertices @ frame.T + centre) + robot.root_position
         distance = np.linalg.norm(corners[:, None] - expected[None], axis=-1)
         assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-5
+
+
+TETRAHEDRON = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 -0.2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+def test_meshes_of_ones_own_take_the_place_of_trunk_and_legs(tmp_path):
+    for name in ("base.obj", "hip.obj", "thigh.obj", "thigh_mirror.obj", "calf.obj"):
+        (tmp_path / name).write_text(TETRAHEDRON)
+    model = Scene(GO2, tmp_path).model
+    names = {model.geom(index).name for index in range(model.ngeom)}
+    shown = {name.removeprefix("robot/") for name in names if name.startswith("robot/")}
+    assert {"base_trunk", "FL_hip_hip", "FL_thigh_thigh", "FR_thigh_thigh_mirror", "RR_calf_calf", "RL_foot_0"} <= shown
+    assert len(shown) == 13 + 4, "one for each link, and our own feet"
+    # The hip of the front right leg is the left one's, turned about x by half a turn.
+    turned = Rotation.from_quat(model.geom("robot/FR_hip_hip").quat, scalar_first=True)
+    plain = Rotation.from_quat(model.geom("robot/FL_hip_hip").quat, scalar_first=True)
+    np.testing.assert_allclose((turned * plain.inv()).as_matrix(), np.diag([1, -1, -1]), atol=1e-6)
+
+
+def test_a_folder_without_a_mesh_or_with_a_broken_one_is_one_line(tmp_path):
+    for name in ("trunk.obj", "hip.obj", "thigh.obj"):
+        (tmp_path / name).write_text(TETRAHEDRON)
+    with pytest.raises(RenderError, match=r"no mesh of calf; expected .* of kind \.obj, \.stl$"):
+        Scene(GO2, tmp_path)
+    (tmp_path / "calf.obj").write_text("no mesh at all")
+    with pytest.raises(RenderError, match=r"a mesh cannot be read \([^\n]*\)$"):
+        Scene(GO2, tmp_path)
