@@ -19,11 +19,11 @@ import tyro
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kine2go_warp.benchmark.policies import exported
 from kine2go_warp.cli.data import PolicyPath, read_clips
 from kine2go_warp.cli.main import run_script
 from kine2go_warp.cli.watching import watching
 from kine2go_warp.deployment.controller import ExportedPolicy, TrackingController
+from kine2go_warp.deployment.export import up_to_date_export
 from kine2go_warp.deployment.steering import Command, Frames, MatchingConfig, SteeredReference
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.config import EvalConfig
@@ -98,7 +98,7 @@ def begin(settings: Settings, command: Command) -> Drive:
     folder = PolicyFolder(settings.policy)
     record = folder.read_record()
     clips = folder.checked_clips(record, read_clips(settings.clips)) or folder.read_clips(record)
-    policy = ExportedPolicy.load(exported(settings.policy))
+    policy = ExportedPolicy.load(up_to_date_export(folder))
     rate = policy.metadata.control_rate
     reference = SteeredReference(Frames.of(clips, rate, settings.matching.look_ahead), rate, settings.matching, command)
     rollouts = MujocoRollouts(policy, record.preset.env, EvalConfig())

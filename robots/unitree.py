@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.robots.spec import LEG_JOINTS, MotorLimits, RobotSpec
 from kine2go_warp.robots.urdf import UrdfReader
-
-LEGS = ("FL", "FR", "RL", "RR")
 
 GO2_PEAK_TORQUE, GO2_DRIVING, GO2_BRAKING = 23.7, 20.2, 23.4
 """The Go2's hip motor: largest torque by the URDF, driving and braking torque by its curve [N m]."""
@@ -61,15 +60,15 @@ def unitree_robot(
         damping_factor: See there.
     """
     reader = UrdfReader(urdf.resolve())
-    joints = tuple(f"{leg}_{joint}_joint" for leg in LEGS for joint in LEG_JOINTS)
+    joints = tuple(f"{leg}_{joint}_joint" for leg in LEG_NAMES for joint in LEG_JOINTS)
     effort = reader.joint_limits(joints, "effort")
     return RobotSpec(
         name=urdf.stem,
         urdf=reader.path,
-        legs=tuple(reader.leg(leg) for leg in LEGS),
+        legs=tuple(reader.leg(leg) for leg in LEG_NAMES),
         joint_names=joints,
         base_link="base",
-        foot_links=tuple(f"{leg}_foot" for leg in LEGS),
+        foot_links=tuple(f"{leg}_foot" for leg in LEG_NAMES),
         foot_radius=reader.collision("FL_foot", "sphere", "radius"),
         trunk_size=reader.collision_vector("base_box", "geometry/box", "size"),
         head_centre=reader.collision_vector("head_sphere", "origin", "xyz"),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.benchmark.observation import Observation, Rows, parsed
 from kine2go_warp.deployment.controller import ExportedPolicy, TrackingController, open_session
-from kine2go_warp.deployment.export import default_folder, export_policy
+from kine2go_warp.deployment.export import up_to_date_export
 from kine2go_warp.deployment.metadata import ONNX_FILE
 from kine2go_warp.deployment.observer import MeasuredState
 from kine2go_warp.deployment.reference import Pose
@@ -117,20 +117,6 @@ def onnx_policy(path: Path, name: str = "") -> BenchmarkPolicy:
     return BenchmarkPolicy(name or manifest.name or path.stem, sha256_of(path), lambda *_: act)
 
 
-def exported(folder: Path) -> Path:
-    """Return where the export of a policy lies, after making it if there is none of the policy as it is.
-
-    Raises:
-        PolicyError: the policy cannot be read.
-    """
-    policy, path = PolicyFolder(folder), default_folder(PolicyFolder(folder))
-    policy.read_record()
-    checkpoint = policy.checkpoint_hash()
-    if not path.exists() or ExportedPolicy.load(path).metadata.checkpoint_sha256 != checkpoint:
-        export_policy(policy, path, overwrite=True)
-    return path
-
-
 def our_policy(folder: Path, name: str = "") -> BenchmarkPolicy:
     """Return a policy of ours, from its folder, where it is exported if it has not been, or from an export.
 
@@ -138,7 +124,7 @@ def our_policy(folder: Path, name: str = "") -> BenchmarkPolicy:
         PolicyError: it cannot be read.
     """
     if not (folder / ONNX_FILE).is_file():
-        name, folder = name or folder.name or folder.resolve().name, exported(folder)
+        name, folder = name or folder.name or folder.resolve().name, up_to_date_export(PolicyFolder(folder))
     exported_policy = ExportedPolicy.load(folder)
 
     def begin(spec: RobotSpec, reference: Rows) -> Act:

@@ -130,7 +130,7 @@ class Operator:
         """Prepare; ``waits`` for whether Enter starts the tracking."""
         self.clip, self.seconds, self.waits = clip, seconds, waits
         self.is_gone = False
-        """Whether standard input was closed, so that nobody could press Enter."""
+        """Whether standard input was closed while Enter was awaited."""
         self._is_asked = False
 
     def on_phase(self, phase: Phase) -> None:

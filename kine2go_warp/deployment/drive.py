@@ -25,7 +25,7 @@ HALT_BLEND = 0.2
 """Time within which the joints go to the standing pose after tracking [s]. A trotting robot whose legs take 1 s for it
 stumbles over them: in simulation it fell in two of three trials, after 0.1 to 0.5 s in none of nine."""
 UNKNOWN = np.full(3, np.nan)
-"""What nobody has measured; a row of the observation that needed it would be NaN, which stops the robot."""
+"""Placeholder for a quantity without an estimate. An observation that used it would be NaN, which damps the robot."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ class Deployment:
 
 
 def measured(state: RobotState, estimate: RootEstimate | None) -> MeasuredState:
-    """Return what the observation is made of; what nobody measures is NaN."""
+    """Return the state that observations are computed from; position and velocity are NaN without an estimate."""
     return MeasuredState(
         root_position=UNKNOWN if estimate is None else estimate.position,
         root_orientation=state.root_orientation,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp import __version__
 from kine2go_warp.deployment.card import policy_card
-from kine2go_warp.deployment.controller import open_session
+from kine2go_warp.deployment.controller import ExportedPolicy, open_session
 from kine2go_warp.deployment.metadata import (
     ACTION_MEANINGS,
     FORMAT_VERSION,
@@ -60,6 +60,20 @@ OPSET = 18
 def default_folder(policy: PolicyFolder) -> Path:
     """Return where an export goes if nothing else is said."""
     return policy.path / "export"
+
+
+def up_to_date_export(policy: PolicyFolder) -> Path:
+    """Return the default folder of a policy's export, written first if it is missing or of other weights.
+
+    Raises:
+        PolicyError: the policy cannot be read.
+    """
+    folder = default_folder(policy)
+    policy.read_record()
+    checkpoint = policy.checkpoint_hash()
+    if not folder.exists() or ExportedPolicy.load(folder).metadata.checkpoint_sha256 != checkpoint:
+        export_policy(policy, folder, overwrite=True)
+    return folder
 
 
 def export_policy(policy: PolicyFolder, out: Path, overwrite: bool = False) -> PolicyMetadata:

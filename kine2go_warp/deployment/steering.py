@@ -200,13 +200,13 @@ class SteeredReference:
     def _search(self) -> None:
         """Jump to a frame that suits the command better, if there is one."""
         pose = self._faded(self._place)
-        rates = self.rate_of_joints()
+        rates = self._joint_rates()
         found = self.frames.nearest(self._place, pose[:12], rates, float(pose[12]), self.command)
         if found != self._place:
             self._offset, self._since = pose - self._pose(found), 0
             self._place, self.jumps = found, self.jumps + 1
 
-    def rate_of_joints(self) -> Array:
+    def _joint_rates(self) -> Array:
         """Return the last change of the joints [rad], shape [12]."""
         return self._joints[-1] - self._joints[-2] if len(self._joints) > 1 else np.zeros(12)
 

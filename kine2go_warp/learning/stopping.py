@@ -126,17 +126,18 @@ class Evaluation:
         """The same over rollouts from the first frame."""
         return TrackingMetrics.worst([one.first_frame for one in self.clips.values()])
 
+    def mean(self, share: str) -> float:
+        """Return the mean over the clips of ``survival`` or ``acceptance``."""
+        return float(np.mean([getattr(one, share) for one in self.clips.values()]))
+
     def __str__(self) -> str:
         rejected = f" ({self.rejected})" if self.rejected else ""
         if len(self.clips) > 1:
-            survival, acceptance = (
-                100.0 * float(np.mean([getattr(one, name) for one in self.clips.values()]))
-                for name in ("survival", "acceptance")
-            )
             whole = sum(one.survival == 1.0 for one in self.clips.values())
+            survival, acceptance = (100.0 * self.mean(share) for share in ("survival", "acceptance"))
             return (
-                f"{whole} of {len(self.clips)} clips without a fall, {survival:.0f} % of rollouts survive and "
-                f"{acceptance:.0f} % are accepted{rejected}"
+                f"{whole} of {len(self.clips)} clips survive in every rollout, mean survival {survival:.0f} %, "
+                f"mean acceptance {acceptance:.0f} %{rejected}"
             )
         phases, zero = self.phases, self.first_frame
         return (
@@ -147,7 +148,7 @@ class Evaluation:
 
     @property
     def curves(self) -> dict[str, float]:
-        """All metrics by ``group/name``; of several clips the worst value and the share that nobody falls on."""
+        """Metrics by ``group/name``: each metric's worst clip, and the share of clips whose rollouts all survive."""
         return {
             f"{'evaluation' if name in ERRORS else 'evaluation_shares'}/{prefix}{name}": value
             for prefix, one in (("", self.phases), ("first_frame_", self.first_frame))
@@ -168,11 +169,8 @@ class Evaluation:
         Means over the clips: of many, some may always be lost. Policies within the targets are equal in the last: of
         these a later one has less noise.
         """
-        found = self.clips.values()
-        means = ([one.acceptance for one in found], [one.survival for one in found])
-        nearness = [1.0 / one.excess(config) for one in found]
-        acceptance, survival, near = (float(np.mean(values)) for values in (*means, nearness))
-        return acceptance, survival, near
+        nearness = float(np.mean([1.0 / one.excess(config) for one in self.clips.values()]))
+        return self.mean("acceptance"), self.mean("survival"), nearness
 
     def meets(self, config: StoppingConfig) -> bool:
         """Return whether every clip meets the targets."""

@@ -215,5 +215,6 @@ def settings_for(
 def gather_fingerprint(policy: PolicyFolder, record: PolicyRecord, clip: MotionClip, config: GatherConfig) -> str:
     """Return a hash of policy, settings, and of a clip that the policy was not trained on."""
     content = clip.content_hash()
-    others = [] if content in [one.content_hash() for one in policy.read_clips(record)] else [content]
+    known = record.clip_hashes or [one.content_hash() for one in policy.read_clips(record)]
+    others = [] if content in known else [content]
     return content_hash(policy.checkpoint_hash(), to_dictionary(config), *others)

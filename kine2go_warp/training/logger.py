@@ -94,7 +94,7 @@ class QuietLogger(Logger):
 
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Log one iteration; see ``Logger.log``."""
-        # RSL-RL divides by a difference of wall clock times, which is zero where somebody sets the clock.
+        # RSL-RL divides by a wall-clock difference, which is not positive after the clock was set back.
         collect_time, learn_time = max(collect_time, 1e-6), max(learn_time, 1e-6)
         self.read_episodes()
         with contextlib.redirect_stdout(io.StringIO()):

@@ -134,7 +134,7 @@ FAULTS = [
     pytest.param("states dropped", "newest state of the robot is", id="states dropped"),
     pytest.param("states delayed", "newest state of the robot is", id="states delayed"),
     pytest.param("estimate lost", "newest estimate of the base is", id="estimate lost"),
-    # The robot alone sees these, and its watchdog damps it; the controller stops when it is told to, or at a limit.
+    # Only the robot detects these, and its watchdog damps it. The controller goes on to a limit or the operator's stop.
     pytest.param("checksum wrong", "", id="checksum wrong"),
     pytest.param("commands dropped", "", id="commands dropped"),
     pytest.param("commands delayed", "", id="commands delayed"),

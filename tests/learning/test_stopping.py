@@ -128,7 +128,7 @@ def test_every_clip_must_meet_the_targets_and_the_worst_is_shown():
     assert both.phases == TrackingMetrics(0.5, 0.25, 0.02, 0.3, 0.1)
     assert not both.meets(CONFIG)
     assert evaluation_of_clips(20, GOOD, GOOD).meets(CONFIG)
-    assert str(both) == "1 of 2 clips without a fall, 75 % of rollouts survive and 62 % are accepted"
+    assert str(both) == "1 of 2 clips survive in every rollout, mean survival 75 %, mean acceptance 62 %"
 
 
 def test_of_many_clips_the_policy_that_tracks_more_is_kept_although_one_is_always_lost():
