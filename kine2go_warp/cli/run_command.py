@@ -30,7 +30,7 @@ class RecipeOptions:
     """Folder for the results; by default runs/NAME of the recipe."""
     device: Device = None
     motions: tuple[str, ...] = ()
-    """Motions, instead of the recipe's."""
+    """Motions, instead of the recipe's: names, or patterns such as 'vhdc_*'."""
     robot: str | None = None
     """Robot, instead of the recipe's: its name, or FILE.py:NAME for one of your own."""
     iterations: int | None = None
@@ -50,7 +50,7 @@ class RecipeOptions:
         Raises:
             RecipeError: the recipe or a setting is wrong.
         """
-        from kine2go_warp.pipelines.recipe import load_recipe
+        from kine2go_warp.pipelines.recipe import load_recipe, named_motions
 
         robot = () if self.robot is None else (f"robot={self.robot}",)
         recipe = load_recipe(self.recipe, (*self.set, *robot))
@@ -62,7 +62,7 @@ class RecipeOptions:
             "gather.seed": self.seed,
         }
         recipe = override(recipe, {path: value for path, value in given.items() if value is not None}, "options")
-        return replace(recipe, motions=self.motions or recipe.motions)
+        return replace(recipe, motions=named_motions(replace(recipe, motions=self.motions))) if self.motions else recipe
 
     def workspace(self, recipe: "Recipe") -> "Workspace":
         """Return where the results lie."""

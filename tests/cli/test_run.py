@@ -101,6 +101,13 @@ def test_status_names_missing_source_clips(tmp_path, capsys):
     assert "no such motion file" in shown
 
 
+def test_motions_are_named_by_patterns_as_in_a_recipe(tmp_path, capsys):
+    options = ["--out", str(tmp_path / "run"), "--data", str(tmp_path), "--device", "cpu", "--json"]
+    assert main(["status", "demo", "--motions", "vhdc_*_walk_*", *options]) == 0
+    motions = json.loads(capsys.readouterr().out)["motions"]
+    assert [motion["motion"][-7:] for motion in motions] == ["walk_01", "walk_02", "walk_03"] * 2
+
+
 def test_a_failed_motion_is_told_with_its_log_by_run_and_status(tmp_path, capfd):
     folder = tmp_path / "run"
     options = ["--out", str(folder), "--data", str(tmp_path), "--device", "cpu"]
@@ -119,6 +126,7 @@ def test_a_failed_motion_is_told_with_its_log_by_run_and_status(tmp_path, capfd)
         (["--workers", "2", "--ray", "auto"], "either --workers or --ray"),
         (["--workers", "-1"], "--workers must be 0 or more"),
         (["--set", "train.speed=1"], "unknown key"),
+        (["--motions", "cat_*"], "'motions' has 'cat_*', and the catalogue no motion of such a name"),
     ],
 )
 def test_options_that_make_no_sense_are_refused_before_anything_is_written(tmp_path, capsys, options, message):

@@ -1,11 +1,13 @@
 """Files of named points: the same animal comes out of each format, whatever its axes, unit and names."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.generator import DogGait, generate, write_ai4animation
@@ -165,3 +167,15 @@ def test_damaged_markers_are_refused(tmp_path, monkeypatch, damage):
     (tmp_path / "dog.c3d").write_bytes(damage((tmp_path / "dog.c3d").read_bytes()))
     with pytest.raises(ClipError, match=r"dog\.c3d: .*C3D file"):
         source_of("mine", replace(DOG, format="c3d", time="")).load(tmp_path / "dog.c3d")
+
+
+@pytest.mark.parametrize(("frames", "theirs"), [((1085, 1124), "right_turn0"), ((2404, 2450), "left_turn0")])
+def test_a_dog_turns_as_in_the_retargeting_of_another_project(frames, theirs, data_folder):
+    """AMP_for_hardware retargeted the same ranges of ``dog_walk09``, which the paper calls left_turn and right_turn."""
+    motion = SOURCES["ai4animation"].read(data_folder / "ai4animation" / "dog_walk09_joint_pos.txt")
+    forward = (motion.point("neck") - motion.point("pelvis"))[slice(*frames)]
+    rows = json.loads((data_folder / f"public/amp_txt/go2/{theirs}.txt").read_text())["Frames"]
+    heading = Rotation.from_quat(np.array(rows)[:, 3:7]).apply([1.0, 0.0, 0.0])
+    ours, other = (np.unwrap(np.arctan2(y, x)) for x, y, _ in (forward.T, heading.T))
+    np.testing.assert_allclose(ours - ours[0], other - other[0], atol=0.15)
+    assert np.sign(ours[-1] - ours[0]) == (1.0 if theirs.startswith("left") else -1.0)
