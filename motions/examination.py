@@ -55,7 +55,8 @@ def examined(motion: KeypointMotion, scale: float, unit: str, where: str) -> Key
         ClipError: a fault cannot be repaired; the message names file, frame and point.
     """
     check_size(motion.trunk_length, scale, unit, where)
-    position, remarks = repaired(motion.position, KEYPOINTS, motion.trunk_length, motion.rate, where)
+    size, shortest = motion.trunk_length, motion.slowest_jump / motion.rate
+    position, remarks = repaired(motion.position, KEYPOINTS, size, motion.rate, where, shortest)
     motion = replace(motion, position=position, remarks=motion.remarks + remarks)
     return levelled(right_sides(motion, where))
 
@@ -136,7 +137,7 @@ def right_sides(motion: KeypointMotion, where: str) -> KeypointMotion:
 
 
 def repaired(
-    points: Array, names: Sequence[str], size: float, rate: float, where: str
+    points: Array, names: Sequence[str], size: float, rate: float, where: str, shortest_jump: float = 0.0
 ) -> tuple[Array, tuple[str, ...]]:
     """Return points without short gaps, held frames, jumps and swapped sides, and remarks on what was done.
 
@@ -146,6 +147,7 @@ def repaired(
         size: Length of the trunk [m].
         rate: Frames per second [Hz].
         where: The file, for messages.
+        shortest_jump: A point that comes or goes by less than this from frame to frame has not jumped [m].
 
     Raises:
         ClipError: a gap is too long, or at an end of the file.
@@ -155,10 +157,11 @@ def repaired(
     faults = [("not finite", lost), ("all zeros", zeros(points, size))]
     points = filled(points, lost | faults[1][1], names, rate, where)
     points, swapped = unswapped(points, names, size)
-    for what, mask in (("jumps", jumps), ("held", held)):
-        # One after the other: a jump out of a stance looks like the end of a hold.
-        faults.append((what, mask(points, size, rate)))
-        points = filled(points, faults[-1][1], names, rate, where)
+    # One after the other: a jump out of a stance looks like the end of a hold.
+    faults.append(("jumps", jumps(points, size, rate, shortest_jump)))
+    points = filled(points, faults[-1][1], names, rate, where)
+    faults.append(("held", held(points, size)))
+    points = filled(points, faults[-1][1], names, rate, where)
     remarks = [
         f"{names[point]} {what} in {span(run.first, run.last)}, filled"
         for what, mask in faults
@@ -210,12 +213,11 @@ def zeros(points: Array, size: float) -> Mask:
     return mask
 
 
-def held(points: Array, size: float, rate: float) -> Mask:
+def held(points: Array, size: float) -> Mask:
     """Return where a point, or the whole frame, is the one before it while the animal moves.
 
     A foot that stands may be at exactly one place; a point that was held catches up with a larger step afterwards.
     """
-    del rate
     mask = np.zeros(points.shape[:2], dtype=bool)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1)
     same = steps == 0.0
@@ -235,12 +237,13 @@ def held(points: Array, size: float, rate: float) -> Mask:
     return mask
 
 
-def jumps(points: Array, size: float, rate: float) -> Mask:
+def jumps(points: Array, size: float, rate: float, shortest: float = 0.0) -> Mask:
     """Return where a point is elsewhere for a few frames and back again, faster than any animal moves.
 
     What a point is off the line between the frames beside is compared with how much its way bends just before and
-    after.
+    after. Nothing that comes or goes by less than ``shortest`` [m] is taken for a jump.
     """
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=-1)
     mask, frames, bend = np.zeros(points.shape[:2], dtype=bool), len(points), np.zeros(points.shape[:2])
     bend[1:-1] = np.linalg.norm(points[1:-1] - 0.5 * (points[2:] + points[:-2]), axis=-1)
     for width in range(1, max(min(GLITCH_FRAMES, int(LONGEST_GLITCH * rate)), 1) + 1):
@@ -252,7 +255,7 @@ def jumps(points: Array, size: float, rate: float) -> Mask:
             share = (inside + 1.0) / (width + 1.0)
             line = (1.0 - share) * points[first - 1] + share * points[first + width]
             off = np.minimum(off, np.linalg.norm(points[first + inside] - line, axis=-1))
-        far = off > GLITCH_SIZE * size
+        far = (off > GLITCH_SIZE * size) & (np.minimum(steps[first - 1], steps[first + width - 1]) >= shortest)
         if not far.any():
             continue
         beside = np.zeros_like(off)

@@ -45,6 +45,8 @@ class KeypointMotion:
     """What the file was taken for."""
     foot_radius: float = float("nan")
     """Of the balls whose centres the toes are [m]; NaN for an animal."""
+    slowest_jump: float = 0.0
+    """A point that comes or goes more slowly than this has moved and not jumped [m/s]."""
 
     def __post_init__(self) -> None:
         if self.position.shape != (len(self.time), len(KEYPOINTS), 3):

@@ -53,6 +53,18 @@ def test_a_trajectory_that_is_exported_can_be_imported(form, clip, store, tmp_pa
     np.testing.assert_allclose(motion.points("toe")[:-1], clip.foot_position, atol=1e-6)
 
 
+@every_format
+def test_a_foot_that_twitches_comes_back(form, clip, tmp_path):
+    joints = clip.joint_position.copy()
+    joints[20, 1::3] += 0.09  # thighs; the feet of standing legs are off by some 3 cm
+    twitching = replace(clip, joint_position=joints)
+    (path,) = export_clips([twitching], form, tmp_path / "out")
+    motion = SOURCES[READ_BY[form]].load(path)
+    assert motion.remarks == ()
+    feet = clip_motion(twitching).rows["link_position"][:, 12:]
+    np.testing.assert_allclose(motion.points("toe"), feet, atol=1e-6)
+
+
 def test_links_of_a_clip_move_as_base_and_joints_do(clip):
     motion, step = clip_motion(clip), 1e-5
 
