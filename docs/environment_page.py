@@ -1,7 +1,4 @@
-"""The tables of docs/environment.md, written from the code that they describe.
-
-``uv run python docs/environment_page.py`` prints the page.
-"""
+"""The page docs/environment.md, written from the code that it describes; ``docs/make.py`` writes it."""
 
 import ast
 from collections.abc import Iterator, Sequence
@@ -17,7 +14,7 @@ KERNELS = Path(__file__).resolve().parent.parent / "kernels"
 
 INTRODUCTION = """# The environment
 
-Written by `uv run python docs/environment_page.py > docs/environment.md`; a test compares.
+Written by `uv run python docs/make.py`; a test compares.
 
 One control step ({control_rate:.0f} Hz) is {substeps} physics steps. Within one captured graph: the action becomes
 joint targets, pushes, the substeps with the motors' PD law and latency, contacts, reference, rewards, ends of episodes,
@@ -332,7 +329,3 @@ Full contact or constraint buffers and numbers that are not finite end the episo
 device and shown while training. `kine2go policy train --strict` stops at the first one and saves the world's state
 before the step, from which it can be repeated (`WorldSnapshot.load(file).restore(environment)`).
 """
-
-
-if __name__ == "__main__":
-    print(environment_page(), end="")

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 
 import pytest
 
@@ -25,6 +26,27 @@ def source_files() -> list[str]:
 def source_texts() -> str:
     """The texts of the package, those that a line break parts joined."""
     return "\n".join(re.sub(r'"\s*\n\s*f?"', "", text) for text in source_files())
+
+
+@pytest.fixture
+def make(monkeypatch):
+    """The names of docs/make.py."""
+    monkeypatch.syspath_prepend(str(REPOSITORY / "docs"))
+    return runpy.run_path(str(REPOSITORY / "docs" / "make.py"))
+
+
+def test_what_is_written_from_the_code_is_what_the_code_says(make, capsys):
+    assert make["main"](["--check"]) == 0, capsys.readouterr().out
+
+
+def test_a_page_that_is_stale_is_named_and_written_anew(make, tmp_path, monkeypatch, capsys):
+    for path in make["pages"]():
+        (tmp_path / path.name).write_text(path.read_text().replace("0.4", "0.5"))
+    monkeypatch.setitem(make["pages"].__globals__, "DOCS", tmp_path)
+    assert make["main"](["--check"]) == 1
+    assert "docs/filtering.md: is not what the code says" in capsys.readouterr().out
+    assert make["main"]([]) == 0
+    assert make["main"](["--check"]) == 0
 
 
 @pytest.fixture(scope="module")

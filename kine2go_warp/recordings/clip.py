@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.recordings.layout import curves, scene, turned, whole
 from kine2go_warp.recordings.meshes import Meshes
-from kine2go_warp.recordings.robot import RobotDrawer
+from kine2go_warp.recordings.robot import EYE, FOLLOWED, RobotDrawer
 from kine2go_warp.recordings.shapes import Poses, compute_poses
 from kine2go_warp.recordings.stream import LEG_COLOURS, THIN, Colour, Columns, recording_file
 from kine2go_warp.robots import RobotSpec
@@ -24,7 +24,6 @@ KEYPOINT_COLOUR: Colour = (150, 235, 150)
 BONE_COLOUR: Colour = (50, 165, 80)
 ASIDE = (0.0, -0.5, 0.0)
 """How far beside the robot the source's keypoints are drawn, to its right where it begins [m]."""
-EYE = (0.2, -1.7, 0.6)
 
 
 def record_clip(clip: MotionClip, path: Path, cycles: int = CYCLES, meshes: Meshes | None = None) -> None:
@@ -146,5 +145,5 @@ def clip_layout(name: str, poses: Poses, orientation: NDArray[Any], spec: RobotS
         rrb.TextDocumentView(name="clip", origin="clip/text"),
         row_shares=[3, 3, 2, 3],
     )
-    view = scene(name, "/clip", space, eye, tuple(start), "/clip/robot/base/trunk")
+    view = scene(name, "/clip", space, eye, tuple(start), f"/clip/robot/{FOLLOWED}")
     return whole(rrb.Horizontal(view, plots, column_shares=[3, 2], name=name))

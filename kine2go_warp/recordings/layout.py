@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from kine2go_warp.dataset.limit_usage import LimitUsage
 from kine2go_warp.dataset.motion import Trajectory
+from kine2go_warp.recordings.robot import EYE, FOLLOWED
 from kine2go_warp.recordings.stream import TIMELINE
 from kine2go_warp.recordings.trajectory import trajectory_entity
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rotations import heading, turn_planar
-
-EYE = (-0.35, -1.75, 0.85)
-"""Where the eye is, seen from the robot that it follows when that begins to move [m]."""
 
 FAR_EYE = (5.0, -7.0, 6.0)
 """Where the eye is that looks at all robots [m]."""
@@ -79,7 +77,7 @@ def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.H
             space,
             tuple(start + turned(EYE, one.arrays["root_orientation"][0])),
             tuple(start),
-            f"/{entity}/robot/base/trunk",
+            f"/{entity}/robot/{FOLLOWED}",
         ),
         plots,
         rrb.TextDocumentView(name="metrics", origin=f"{entity}/text"),

@@ -16,6 +16,12 @@ from kine2go_warp.robots import RobotSpec
 GHOST: Colour = (120, 150, 200, 60)
 """Colour of the reference."""
 
+EYE = (-0.35, -1.75, 0.85)
+"""Where the eye is, seen from the robot that it follows when that begins to move [m]."""
+
+FOLLOWED = "base/followed"
+"""What the eye follows, below the entity of a robot."""
+
 STANDING: Colour = (255, 140, 0)
 SWINGING: Colour = (45, 47, 54)
 
@@ -41,6 +47,7 @@ class RobotDrawer:
             standing: Whether each foot stands, shape [num_rows, 4].
         """
         self._draw_base(columns, poses)
+        self._place_eye(columns)
         self.shown.draw(columns, poses)
         self._draw_feet(columns, poses, standing)
 
@@ -54,6 +61,16 @@ class RobotDrawer:
         """Move everything that is fixed to the base."""
         pose = rr.Transform3D.columns(translation=poses.root_position, quaternion=xyzw(poses.root_orientation))
         columns.send("base", pose)
+
+    def _place_eye(self, columns: Columns) -> None:
+        """Log what the eye follows: two points that are not seen.
+
+        A viewer that has the followed entity when it opens a view takes only the direction of the eye from the layout;
+        its distance becomes 1.5 times the diagonal of the entity's bounding box (seen with Rerun 0.41). These points
+        make that the distance of ``EYE``.
+        """
+        reach = float(np.linalg.norm(EYE)) / 3.0
+        columns.fix(FOLLOWED, rr.Points3D([[0.0, 0.0, -reach], [0.0, 0.0, reach]], radii=[0.0], colors=[(0, 0, 0, 0)]))
 
     def _draw_trunk(self, columns: Columns) -> None:
         """Draw trunk and head of the reference, which the base takes along."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.recordings.layout import curves, scene
 from kine2go_warp.recordings.live import Sink
-from kine2go_warp.recordings.robot import RobotDrawer
+from kine2go_warp.recordings.robot import EYE, FOLLOWED, RobotDrawer
 from kine2go_warp.recordings.shapes import Poses, compute_poses
 from kine2go_warp.recordings.stream import ITERATION, TIMELINE, Colour, Columns
 from kine2go_warp.recordings.trajectory import ERROR_COLOURS, TERM_COLOURS
@@ -25,7 +25,6 @@ PACE = 1.0
 """How often what was seen is drawn [s]."""
 BACKLOG = 400
 """Blocks that wait to be drawn; beyond that the oldest are dropped rather than the training slowed down."""
-EYE = (-0.3, -1.6, 0.7)
 
 GROUPS: dict[str, tuple[str, tuple[Colour, ...]]] = {
     "reward": ("reward terms, a step", TERM_COLOURS),
@@ -181,7 +180,7 @@ def training_layout(name: str, rows: Rows) -> rrb.Blueprint:
         start, entity = rows["root_position"][world, 0], f"/worlds/{world}"
         parts = [f"+ {entity}/{part}/**" for part in ("robot", "reference")]
         eye = tuple(start + np.array(EYE))
-        views.append(scene(f"world {world}", entity, parts, eye, tuple(start), f"{entity}/robot/base/trunk"))
+        views.append(scene(f"world {world}", entity, parts, eye, tuple(start), f"{entity}/robot/{FOLLOWED}"))
     plots = [curves(title, f"/curves/{group}") for group, (title, _) in GROUPS.items()]
     return rrb.Blueprint(
         rrb.Horizontal(

@@ -7,11 +7,6 @@ from tests.conftest import REPOSITORY
 environment_page = runpy.run_path(str(REPOSITORY / "docs" / "environment_page.py"))["environment_page"]
 
 
-def test_the_page_in_the_repository_is_what_the_code_says():
-    page = (REPOSITORY / "docs" / "environment.md").read_text()
-    assert page == environment_page(), "run: uv run python docs/environment_page.py > docs/environment.md"
-
-
 def test_the_page_names_every_observation_and_range():
     page, config = environment_page(), EnvConfig()
     for field in observation_layout(config):

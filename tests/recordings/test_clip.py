@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kine2go_warp.recordings.clip import CYCLES, record_clip
+from kine2go_warp.recordings.robot import EYE, FOLLOWED
 from tests.recordings.conftest import Recorded
 
 
@@ -26,6 +27,15 @@ def test_the_robot_goes_through_three_cycles_each_moved_on_by_the_displacement(c
         step = clip.cycle.repeated(cycle)
         moved = clip.poses.moved(step.x, step.y, step.yaw).root_position
         np.testing.assert_allclose(places[part], moved, atol=1e-5)
+
+
+def test_the_eye_follows_what_is_not_seen_and_is_as_large_as_its_distance_asks(recorded):
+    followed = f"/clip/robot/{FOLLOWED}"
+    ends = np.array(recorded.fixed(followed, "Points3D:positions"))
+    assert recorded.fixed(followed, "Points3D:radii") == [0.0]
+    np.testing.assert_allclose(ends.mean(axis=0), 0.0)
+    # The viewer's rule: 1.5 times the diagonal of the box around what is followed.
+    assert 1.5 * np.linalg.norm(np.ptp(ends, axis=0)) == pytest.approx(np.linalg.norm(EYE))
 
 
 def test_stance_bars_are_there_while_a_foot_stands(clip, recorded):
