@@ -13,8 +13,9 @@ from scipy.interpolate import PchipInterpolator
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.floor import levelled
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.stance import intervals
+from kine2go_warp.quantities import LEG_NAMES
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

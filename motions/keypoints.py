@@ -8,9 +8,8 @@ from scipy.interpolate import CubicSpline
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.cycle import rest_places
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.tables import counted
-
-LEG_NAMES = ("FL", "FR", "RL", "RR")
 
 KEYPOINTS = ("pelvis", "neck", *(f"{leg}_hip" for leg in LEG_NAMES), *(f"{leg}_toe" for leg in LEG_NAMES))
 """The points that retargeting needs, in the order of ``KeypointMotion.position``."""

@@ -10,8 +10,9 @@ import numpy as np
 from kine2go_warp.files import atomic_file
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.motions.fidelity import Fidelity
-from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.quality import ClipQuality
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.robots.spec import LEG_JOINTS
 from kine2go_warp.tables import Cell, known, make_table, markdown

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kine2go_warp.motions.cycle import CycleStep, continued
-from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES, KeypointMotion
-from kine2go_warp.quantities import MIRRORED_LEGS, MIRRORED_SIGNS
+from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, KeypointMotion
+from kine2go_warp.quantities import LEG_NAMES, MIRRORED_LEGS, MIRRORED_SIGNS
 from kine2go_warp.rotations import heading, turn_planar, wrap_angle
 
 Array = NDArray[np.float64]

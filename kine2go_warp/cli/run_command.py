@@ -170,7 +170,9 @@ class Demo:
 
     def run(self) -> int:
         """Run the recipe ``demo``."""
-        name = "demo" if self.robot == DEFAULT_ROBOT else f"demo_{self.robot}"
+        from kine2go_warp.robots import robot_named
+
+        name = "demo" if self.robot == DEFAULT_ROBOT else f"demo_{robot_named(self.robot).name}"
         return Run(recipe=Path("demo"), out=self.out or Path("runs") / name, device=self.device, robot=self.robot).run()
 
 

@@ -49,7 +49,8 @@ class Train:
     rerun_save: Path | None = None
     """Write the same to this file (.rrd) instead."""
     preset: str = FAST.preset
-    """Settings to begin with: fast, paper, robust, generalist, or FILE.py:NAME for a preset of your own."""
+    """Settings to begin with: fast, paper, robust, generalist, finetune, no_state_estimation, or FILE.py:NAME for a
+    preset of your own."""
     config: Path | None = None
     """TOML file whose section [train] replaces some of the preset's settings, as in a recipe."""
     print_config: bool = False

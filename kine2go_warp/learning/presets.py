@@ -138,8 +138,8 @@ class Preset:
     """All settings of a training: environment, learner, when it stops, and what it begins with."""
 
     preset: str = "paper"
-    """Name of the preset that the settings began with: fast, paper, robust, generalist, no_state_estimation, or
-    FILE.py:NAME for one of your own."""
+    """Name of the preset that the settings began with: fast, paper, robust, generalist, finetune,
+    no_state_estimation, or FILE.py:NAME for one of your own."""
     env: EnvConfig = field(default_factory=EnvConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     stopping: StoppingConfig = field(default_factory=StoppingConfig)
@@ -236,7 +236,19 @@ GENERALIST = replace(
 )
 """``fast`` for one policy of many clips: larger networks, and half of the episodes begin where clips are lost."""
 
-PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, GENERALIST, NO_STATE_ESTIMATION)}
+FINETUNE = replace(
+    FAST,
+    preset="finetune",
+    ppo=replace(FAST.ppo, iterations=200, learning_rate=1e-4, desired_kl=0.01),
+    stopping=replace(FAST.stopping, interval=10),
+)
+"""``fast`` for a training that begins with another policy (``initial_policy``): small steps.
+
+The first steps of a new optimiser are as large as the learning rate for every weight; those of ``fast`` undo what the
+policy knows.
+"""
+
+PRESETS = {one.preset: one for one in (PAPER, FAST, ROBUST, GENERALIST, FINETUNE, NO_STATE_ESTIMATION)}
 
 
 def find_preset(name: str) -> Preset:

@@ -34,7 +34,7 @@ TERM_COLOURS: tuple[Colour, ...] = (
     (239, 108, 98), (245, 178, 66), (94, 200, 178), (98, 160, 234), (178, 132, 220), (200, 200, 200),
 )  # fmt: skip
 TERM_NAMES = ("red", "orange", "green", "blue", "purple", "grey")
-LEG_NAMES = ("red", "blue", "orange", "green")
+LEG_COLOUR_NAMES = ("red", "blue", "orange", "green")
 """What people call these colours and ``LEG_COLOURS``."""
 
 DIMMED = 0.5
@@ -80,9 +80,10 @@ def colours_text(motion: Motion) -> str:
     terms = [term.replace("_", " ") for term in motion.labels("term")]
     plots = {
         "errors": [f"{one} {limit.label}" for one, limit in zip(ERROR_NAMES, ROW_LIMITS, strict=True)],
-        "joints": [f"{one} {joint}" for one, joint in zip(LEG_NAMES, LEG_JOINTS, strict=False)] + ["darker: reference"],
+        "joints": [f"{one} {joint}" for one, joint in zip(LEG_COLOUR_NAMES, LEG_JOINTS, strict=False)]
+        + ["darker: reference"],
         "rewards": [f"{TERM_NAMES[number % len(TERM_NAMES)]} {term}" for number, term in enumerate(terms)],
-        "forces": [f"{one} {leg}" for one, leg in zip(LEG_NAMES, LEG_COLOURS, strict=True)],
+        "forces": [f"{one} {leg}" for one, leg in zip(LEG_COLOUR_NAMES, LEG_COLOURS, strict=True)],
     }
     return "\n".join(["| colours | |", "|---|---|", *(f"| {name} | {', '.join(one)} |" for name, one in plots.items())])
 

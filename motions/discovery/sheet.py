@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from kine2go_warp.motions.discovery.cuts import Cut
 from kine2go_warp.motions.discovery.discover import Discovered, Discovery
 from kine2go_warp.motions.discovery.tables import described
-from kine2go_warp.motions.keypoints import BONES, KEYPOINTS, LEG_NAMES
+from kine2go_warp.motions.keypoints import BONES, KEYPOINTS
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.rotations import turn_planar
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from kine2go_warp.errors import CatalogueError
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES
+from kine2go_warp.motions.keypoints import KEYPOINTS
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.robots import robot_named
 from kine2go_warp.robots.kinematics import HasLegs
 from kine2go_warp.robots.registry import ROBOTS

@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.examination import check_angles, check_height
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.dialects import JointsDialect, robot_of_files
 from kine2go_warp.motions.sources.joint_files import Rows, read_arrays, read_frames, read_pickle, read_table, read_torch
+from kine2go_warp.quantities import LEG_NAMES
 from kine2go_warp.robots import GO2
 from kine2go_warp.robots.kinematics import HasLegs, foot_positions
 from kine2go_warp.robots.spec import GO2_LEG_LENGTH, GO2_THIGH_OFFSET

@@ -5,13 +5,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from kine2go_warp.errors import ClipError
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.sources.arrays import read_npz
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.bvh import read_bvh
 from kine2go_warp.motions.sources.joints import READERS, JointSource
 from kine2go_warp.motions.sources.points import C3D_MARK, PointSource, read_c3d, read_parquet
 from kine2go_warp.motions.sources.tables import is_number, read_bytes, read_lines
+from kine2go_warp.quantities import LEG_NAMES
 
 PARQUET, PICKLE, ZIP = b"PAR1", b"\x80", b"PK\x03\x04"
 

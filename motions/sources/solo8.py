@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.examination import check_angles, check_height
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, MINIMUM_FRAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, MINIMUM_FRAMES, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
+from kine2go_warp.quantities import LEG_NAMES
 
 Array = NDArray[np.float64]
 

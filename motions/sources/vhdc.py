@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.examination import check_size, repaired
-from kine2go_warp.motions.keypoints import KEYPOINTS, LEG_NAMES, KeypointMotion
+from kine2go_warp.motions.keypoints import KEYPOINTS, KeypointMotion
 from kine2go_warp.motions.sources.base import MotionSource
 from kine2go_warp.motions.sources.tables import parse_numbers, read_lines
 from kine2go_warp.motions.stance import Mask, intervals
+from kine2go_warp.quantities import LEG_NAMES
 
 Array = NDArray[np.float64]
 
