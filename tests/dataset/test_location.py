@@ -104,8 +104,8 @@ def test_a_web_server_with_ranges(folder):
 
 
 def test_an_object_store(folder):
-    # Both ask for an older python-dateutil than the others, so the lock file has neither.
-    pytest.importorskip("s3fs", reason="no s3fs: pip install s3fs 'moto[server]'")
+    # Both ask for an older python-dateutil than the others and bring some 40 packages, so the lock file has neither.
+    pytest.importorskip("s3fs", reason="no s3fs: uv run --with s3fs --with 'moto[server]' pytest, with this file")
     server = pytest.importorskip("moto.server", reason="no moto[server]").ThreadedMotoServer(port=0)
     import boto3
 
