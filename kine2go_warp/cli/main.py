@@ -11,6 +11,7 @@ from kine2go_warp.device import is_out_of_memory
 from kine2go_warp.errors import Kine2GoError, explain
 from kine2go_warp.extras import named_extras
 from kine2go_warp.interruption import end_like_interrupted
+from kine2go_warp.training.ranks import check_alone
 
 if TYPE_CHECKING:
     from kine2go_warp.cli.commands import Doctor as Command
@@ -119,7 +120,7 @@ def parsed(given: list[str]) -> "Command | None":
     """Return the command with its options, none if the arguments only ask for information, which is then printed.
 
     Raises:
-        Kine2GoError: there is no such command.
+        Kine2GoError: there is no such command, or torchrun has started several.
     """
     first = given[0] if given else ""
     if not given:
@@ -138,6 +139,8 @@ def parsed(given: list[str]) -> "Command | None":
         tyro.cli(every_command(), prog="kine2go", args=given, registry=REGISTRY)
     else:
         name, rest = find_command(given)
+        if name != "policy train":
+            check_alone(name)
         return parse(name, rest)
     return None
 

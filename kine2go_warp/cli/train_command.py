@@ -88,9 +88,10 @@ class Train:
         """Train with a progress bar."""
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.cli.watching import watching
-        from kine2go_warp.device import choose_device, choose_processes
+        from kine2go_warp.device import choose_device, choose_processes, silent_standard_error
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.motions.clip import robot_of
+        from kine2go_warp.training.ranks import Ranks
         from kine2go_warp.training.train import train
 
         settings = self.settings()
@@ -106,6 +107,10 @@ class Train:
         limit_threads()
         name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"
         folder = self.out or Path("runs/policies") / name
+        if not Ranks.of_torchrun().is_first:
+            with StopRequest("") as stop, silent_standard_error():
+                train(clips, settings, folder, self.device, self.overwrite, None, self.processes, self.strict, stop)
+            return 0
         message = "stopping after this iteration, with a checkpoint; once more stops at once"
         watch = watching(name, robot_of(clips), self.rerun, self.rerun_web, self.rerun_save)
         with StopRequest(message) as stop, watch as observer, Progress() as progress:

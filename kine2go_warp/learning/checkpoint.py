@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import atomic_file
 
+OTHER_RANKS = "other_ranks"
+"""Key of what the processes but the first go on from, where torchrun has trained with several."""
+
 
 def write_checkpoint(path: Path, values: dict[str, Any]) -> None:
     """Write a checkpoint whole or not at all."""

@@ -49,6 +49,16 @@ class TrainingProgress:
 IterationCallback = Callable[[TrainingProgress, dict[str, float]], None]
 
 
+class NoLog:
+    """Takes the log of a process that writes none; RSL-RL saves checkpoints only where there is one."""
+
+    def add_scalar(self, *_: object) -> None:
+        """Forget a value."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 class QuietLogger(Logger):
     """Writes to TensorBoard as RSL-RL does, and reports to a callback what RSL-RL would print."""
 
@@ -60,6 +70,9 @@ class QuietLogger(Logger):
 
     def init_logging_writer(self) -> None:
         """Append to the log. What an earlier process logged after its last checkpoint is hidden, not shown twice."""
+        if self.disable_logs:
+            self.writer = NoLog()  # pyright: ignore[reportAttributeAccessIssue]
+            return
         from torch.utils.tensorboard import SummaryWriter
 
         self.writer = SummaryWriter(log_dir=self.log_dir, purge_step=self.first_iteration, flush_secs=10)  # pyright: ignore[reportAttributeAccessIssue]
@@ -100,7 +113,7 @@ class QuietLogger(Logger):
         with contextlib.redirect_stdout(io.StringIO()):
             super().log(it, start_it, total_it, collect_time, learn_time, **rest)
         if self.on_iteration is not None:
-            steps = self.cfg["num_steps_per_env"] * self.num_envs
+            steps = self.cfg["num_steps_per_env"] * self.num_envs * self.gpu_world_size
             progress = TrainingProgress(
                 iteration=it + 1,
                 total_iterations=total_it,

@@ -12,7 +12,14 @@ from rsl_rl.runners import OnPolicyRunner
 from kine2go_warp.env.snapshot import EnvironmentSnapshot
 from kine2go_warp.errors import Kine2GoError, PolicyError
 from kine2go_warp.interruption import TrainingInterrupted
-from kine2go_warp.learning.checkpoint import acting_weights, arrays, load_checkpoint, tensors, write_checkpoint
+from kine2go_warp.learning.checkpoint import (
+    OTHER_RANKS,
+    acting_weights,
+    arrays,
+    load_checkpoint,
+    tensors,
+    write_checkpoint,
+)
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import PpoConfig
 from kine2go_warp.learning.stopping import BUDGET, TARGETS, Evaluation, TargetWatch
@@ -20,6 +27,7 @@ from kine2go_warp.learning.vec_env import BufferedVecEnv
 from kine2go_warp.training.annealing import anneal
 from kine2go_warp.training.divergence import DivergenceWatch
 from kine2go_warp.training.logger import QuietLogger, TrainingProgress
+from kine2go_warp.training.ranks import ALONE, Ranks
 from kine2go_warp.training.tracking import TrackingEvaluator
 
 KEPT_CHECKPOINTS = 2
@@ -54,28 +62,31 @@ class ImitationRunner(OnPolicyRunner):
     seen, the phases where robots fail, the random generators, and what the watches for divergence and for the targets
     know. ``policy_state_dict`` has the weights of the best policy, where those are not the last ones. On the CPU
     training from it gives the same bits as if it had not been interrupted, with any number of processes if phases are
-    not weighted by failures, and with the same number if they are.
+    not weighted by failures, and with the same number if they are. Where several processes train together, each has a
+    state of its own; that of the first is under ``training``.
     """
 
     env: BufferedVecEnv
     logger: QuietLogger
 
-    def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int) -> None:
+    def __init__(self, env: BufferedVecEnv, config: PpoConfig, folder: Path, seed: int, ranks: Ranks = ALONE) -> None:
         """Prepare; ``evaluate`` is added where a training is to stop early.
 
         Args:
-            env: The environment that trains.
+            env: The environment that trains: the share of this process.
             config: Settings of the learner.
             folder: Policy folder.
             seed: Seed of the settings.
+            ranks: The processes that train together.
         """
+        self.ranks = ranks
         super().__init__(
             env, config.runner_settings(seed, env.config.privileged), log_dir=str(folder), device=str(env.device)
         )
         self.config, self.folder = config, PolicyFolder(folder)
         self.logger.__class__ = QuietLogger
-        self.logger.steps = []
-        self.logger.count_faults = lambda: self._earlier_faults + env.fault_count()
+        self.logger.steps, self.logger.disable_logs = [], not ranks.is_first
+        self.logger.count_faults = lambda: self._earlier_faults + sum(ranks.gathered(env.fault_count()))
         self.logger.on_iteration = self._after_iteration
         self.watch = DivergenceWatch()
         self.evaluator: TrackingEvaluator | None = None
@@ -104,11 +115,13 @@ class ImitationRunner(OnPolicyRunner):
         """
         self._on_progress, self._should_stop = on_progress, should_stop or self._should_stop
         first = self.logger.first_iteration = self.current_learning_iteration
-        if self.targets is not None and self.targets.is_reached:
+        if self.ranks.first_decides(self._has_reached_targets):
             return TARGETS
         if iterations <= first:
             return BUDGET
         anneal(self.alg, self.config, first)
+        if self.ranks.size > 1:
+            self.alg.broadcast_parameters()
         try:
             with tensor_cores(self.device):
                 self.learn(iterations - first, init_at_random_ep_len=first == 0)
@@ -133,33 +146,59 @@ class ImitationRunner(OnPolicyRunner):
             self.logger.log_curves(evaluation.curves, iteration)
         return replace(progress, evaluation=targets.final or targets.latest)
 
+    def _configure_multi_gpu(self) -> None:
+        """Tell RSL-RL which of several processes this is. Its own way insists on NCCL, and so on GPUs."""
+        ranks = self.ranks
+        self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank = ranks.size, ranks.rank, ranks.local_rank
+        shared = {"global_rank": ranks.rank, "local_rank": ranks.local_rank, "world_size": ranks.size}
+        self.cfg["multi_gpu"] = shared if ranks.size > 1 else None
+        # It would print a line in each process before it gives all of them the first one's networks, as ``train`` does.
+        self.is_distributed = False
+
+    def _has_reached_targets(self) -> bool:
+        """Return whether the policy tracks well enough."""
+        return self.targets is not None and self.targets.is_reached
+
     def _after_iteration(self, progress: TrainingProgress, losses: dict[str, float]) -> None:
-        """Watch, evaluate, report, and stop if told to or if the targets are met."""
+        """Go on, or stop all processes with a checkpoint, as the first one decides."""
+        end = self.ranks.first_decides(lambda: self._look(progress, losses))
+        anneal(self.alg, self.config, progress.iteration)
+        if end is None:
+            return
+        self.save(str(self.folder.checkpoint(self.current_learning_iteration)))
+        raise end
+
+    def _look(self, progress: TrainingProgress, losses: dict[str, float]) -> Exception | KeyboardInterrupt | None:
+        """Watch, evaluate and report an iteration; return why training ends here, if it does.
+
+        Raises:
+            TrainingDiverged: it has broken down.
+        """
         models = (self.alg.actor, self.alg.critic)
         self.watch.check(progress.iteration, losses, progress.reward, progress.episode_length, models)
         progress = self._evaluate(progress)
         if self._on_progress is not None:
             self._on_progress(progress)
-        anneal(self.alg, self.config, progress.iteration)
-        if self.targets is not None and self.targets.is_reached:
-            self.save(str(self.folder.checkpoint(self.current_learning_iteration)))
-            raise TargetsReached
+        if self._has_reached_targets():
+            return TargetsReached()
         if progress.iteration < progress.total_iterations and self._should_stop():
             path = self.folder.checkpoint(self.current_learning_iteration)
-            self.save(str(path))
-            raise TrainingInterrupted(f"stopped after iteration {progress.iteration}; {path} holds all of it")
+            return TrainingInterrupted(f"stopped after iteration {progress.iteration}; {path} holds all of it")
+        return None
 
     def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
         """Write a checkpoint whole or not at all, and remove those that are no longer needed."""
         if path == self._saved:
             # RSL-RL saves the last iteration once more.
             return
-        values = {**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}
-        if self.targets is not None:
-            values |= self.targets.policy_weights()
-        write_checkpoint(Path(path), {**values, "training": self._training_state()})
-        self.evaluation = self.targets.kept if self.targets is not None else None
-        self.folder.keep_newest(KEPT_CHECKPOINTS)
+        states = self.ranks.gathered(self._training_state())
+        if self.ranks.is_first:
+            values = {**self.alg.save(), "iter": self.current_learning_iteration, "infos": infos}
+            if self.targets is not None:
+                values |= self.targets.policy_weights()
+            write_checkpoint(Path(path), {**values, "training": states[0], OTHER_RANKS: states[1:]})
+            self.evaluation = self.targets.kept if self.targets is not None else None
+            self.folder.keep_newest(KEPT_CHECKPOINTS)
         self._saved = path
 
     def begin_with(self, policy: PolicyFolder) -> None:
@@ -183,7 +222,8 @@ class ImitationRunner(OnPolicyRunner):
         """
         try:
             self.alg.load(checkpoint, None, True)
-            self._restore_training_state(checkpoint["training"])
+            states = [checkpoint["training"], *checkpoint.get(OTHER_RANKS, [])]
+            self._restore_training_state(states[self.ranks.rank])
             self.current_learning_iteration = checkpoint["iter"] + 1
         except (KeyError, RuntimeError, ValueError, Kine2GoError) as error:
             reason = str(error).splitlines()[0]

@@ -12,8 +12,9 @@ from kine2go_warp.errors import TrainingDiverged
 from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST
+from kine2go_warp.training.beginning import slower
 from kine2go_warp.training.divergence import DivergenceWatch
-from kine2go_warp.training.train import slower, train
+from kine2go_warp.training.train import train
 from tests.training.helpers import StopAfter, assert_same_training
 
 TINY = FAST.override({"env.num_worlds": 16, "ppo.iterations": 4})

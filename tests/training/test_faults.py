@@ -18,7 +18,8 @@ from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.checkpoint import load_checkpoint, write_checkpoint
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import FAST, ROBUST
-from kine2go_warp.training.train import ResumePoint, TrainingTask, resume_point, train
+from kine2go_warp.training.beginning import ResumePoint, resume_point
+from kine2go_warp.training.train import TrainingTask, train
 from tests.conftest import REPOSITORY
 from tests.dataset.helpers import small_disk
 from tests.killing import KillableWorker, spread_moments

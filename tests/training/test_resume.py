@@ -15,8 +15,9 @@ from kine2go_warp.interruption import TrainingInterrupted
 from kine2go_warp.learning.policy import PolicyFolder
 from kine2go_warp.learning.presets import FAST, ROBUST
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+from kine2go_warp.training.beginning import ResumePoint, resume_point
 from kine2go_warp.training.runner import ImitationRunner
-from kine2go_warp.training.train import ResumePoint, resume_point, train
+from kine2go_warp.training.train import train
 from tests.training.helpers import StopAfter, assert_same_training
 
 ITERATIONS = 4

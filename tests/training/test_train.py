@@ -200,13 +200,6 @@ def test_strict_training_stops_at_a_fault_and_names_the_file(clip, tmp_path):
     assert list((tmp_path / "policy").glob("fault_world_*.npz"))
 
 
-def test_processes_of_torchrun_do_not_write_one_policy_together(clip, tmp_path, monkeypatch):
-    monkeypatch.setenv("WORLD_SIZE", "2")
-    with pytest.raises(PolicyError, match="WORLD_SIZE is 2, as torchrun sets it, and one training runs on one GPU"):
-        train([clip], FAST, tmp_path / "policy", "cpu")
-    assert not (tmp_path / "policy").exists()
-
-
 def test_training_begins_with_the_networks_of_another_policy(policy, standing_clip, tmp_path):
     """They keep their size, the critic comes along, and the same folder with the same weights is the same training."""
     preset = TINY.override({"initial_policy": str(policy.path), "ppo.hidden_dims": [7], "ppo.learning_rate": 1e-12})
