@@ -35,8 +35,8 @@ class Ranks:
     @classmethod
     def of_torchrun(cls) -> "Ranks":
         """Return what torchrun says of this process; a single one if torchrun has not started it."""
-        names = {"RANK": "0", "WORLD_SIZE": "1", "LOCAL_RANK": "0"}
-        return cls(*(int(os.environ.get(name) or value) for name, value in names.items()))
+        rank, size, local_rank = (int(os.environ.get(name) or 0) for name in ("RANK", "WORLD_SIZE", "LOCAL_RANK"))
+        return cls(rank, size, local_rank) if size > 1 else ALONE
 
     @property
     def is_first(self) -> bool:

@@ -40,6 +40,7 @@ def test_torchrun_tells_each_process_its_number():
 
 def test_without_torchrun_a_process_is_alone(monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", "")
+    monkeypatch.setenv("RANK", "1")
     assert Ranks.of_torchrun() == ALONE
     assert ALONE.is_first
     assert ALONE.first_decides(lambda: 3) == 3
