@@ -6,6 +6,7 @@ or soon after; the share of failures, smoothed over time, weighs how often an ep
 
 import warp as wp
 
+from kine2go_warp.kernels import launch
 from kine2go_warp.kernels.reference import Placement, ReferenceClips, turns_at, whole_cycles
 
 
@@ -22,6 +23,8 @@ class PhaseTable:
     """Visits, older ones fading."""
     failures: wp.array(dtype=float)
     """Failures, older ones fading."""
+    weight: wp.array(dtype=float)
+    """Share of failures, and then probability that an episode begins in this bin."""
     cumulative: wp.array(dtype=float)
     """Probability that an episode begins in this bin or an earlier one."""
 
@@ -73,12 +76,13 @@ def count_phases(
 
 @wp.kernel
 def fade_counts(table: PhaseTable, memory: float):
-    """Add the new counts to the old ones, which fade by the factor ``memory``. Launched over all bins."""
+    """Add the new counts to the old ones, which fade by the factor ``memory``; weigh by failure rate. Over all bins."""
     phase_bin = wp.tid()
     table.visits[phase_bin] = memory * table.visits[phase_bin] + float(table.new_visits[phase_bin])
     table.failures[phase_bin] = memory * table.failures[phase_bin] + float(table.new_failures[phase_bin])
     table.new_visits[phase_bin] = 0
     table.new_failures[phase_bin] = 0
+    table.weight[phase_bin] = failure_rate(table, phase_bin)
 
 
 @wp.func
@@ -88,13 +92,19 @@ def failure_rate(table: PhaseTable, phase_bin: int) -> float:
 
 
 @wp.kernel
-def accumulate_probability(table: PhaseTable, uniform_share: float):
-    """Write the cumulative probabilities: a share is spread evenly, the rest by failure rate. Launched over [1]."""
+def weigh_bins(table: PhaseTable, uniform_share: float):
+    """Turn failure rates and their sums into probabilities: a share is spread evenly, the rest by failure rate.
+
+    Launched over all bins.
+    """
+    phase_bin = wp.tid()
     count = table.cumulative.shape[0]
-    total = float(0.0)
-    for phase_bin in range(count):
-        total += failure_rate(table, phase_bin)
-    reached = float(0.0)
-    for phase_bin in range(count):
-        reached += uniform_share / float(count) + (1.0 - uniform_share) * failure_rate(table, phase_bin) / total
-        table.cumulative[phase_bin] = reached
+    by_rate = (1.0 - uniform_share) * table.weight[phase_bin] / table.cumulative[count - 1]
+    table.weight[phase_bin] = uniform_share / float(count) + by_rate
+
+
+def accumulate_probability(table: PhaseTable, uniform_share: float) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
+    """Write the cumulative probabilities from the failure rates, in parallel: there may be hundreds of clips."""
+    wp.utils.array_scan(table.weight, table.cumulative)
+    launch(weigh_bins, dim=table.cumulative.shape[0], inputs=[table, uniform_share])
+    wp.utils.array_scan(table.weight, table.cumulative)

@@ -5,7 +5,7 @@ import warp as wp
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.model import host_copy
 from kine2go_warp.env.simulation import Simulation
-from kine2go_warp.kernels import randomization
+from kine2go_warp.kernels import launch, randomization
 from kine2go_warp.kernels.world import BaseBody
 
 
@@ -28,7 +28,7 @@ class Bodies:
     def apply_bodies(self) -> None:
         """Make the physics use ``base``."""
         model = self.simulation.model
-        wp.launch(
+        launch(
             randomization.apply_bodies,
             dim=self.num_worlds,
             inputs=[
@@ -48,4 +48,4 @@ class Bodies:
         """Make the physics use ``friction``."""
         solver_friction = self.simulation.solver.mjw_model.geom_friction
         inputs = [self.friction, self.simulation.geom_role, solver_friction]
-        wp.launch(randomization.apply_friction, dim=solver_friction.shape, inputs=inputs)
+        launch(randomization.apply_friction, dim=solver_friction.shape, inputs=inputs)

@@ -23,7 +23,7 @@ from kine2go_warp.env.observations import (
 from kine2go_warp.env.randomization import Randomization
 from kine2go_warp.env.simulation import OVERFLOW_MASK, Simulation, write_worlds
 from kine2go_warp.env.terrain import build_height_field, terrain_extent
-from kine2go_warp.kernels import observations, resets, terminations
+from kine2go_warp.kernels import launch, observations, resets, terminations
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.kernels.rewards import sum_rewards
 from kine2go_warp.kernels.state import NUM_JOINTS
@@ -227,7 +227,7 @@ class ImitationEnvironment:
     def _evaluate(self) -> None:
         """Compare the new state with the reference: rewards and terminations."""
         episodes = self.episodes
-        wp.launch(
+        launch(
             sample_reference,
             dim=self.num_worlds,
             inputs=[episodes.clips, episodes.placement, episodes.reference_step, self.reference],
@@ -235,12 +235,12 @@ class ImitationEnvironment:
         for column, term in enumerate(self.rewards):
             term.launch(self.views[0], self.reward_terms, column)
         inputs = [self.robot, self.reward_weights, self.reward_terms, self.reward]
-        wp.launch(sum_rewards, dim=self.num_worlds, inputs=inputs)
+        launch(sum_rewards, dim=self.num_worlds, inputs=inputs)
         for column, term in enumerate(self.terminations):
             term.launch(self.views[0], self.conditions, column)
         ends = [episodes.reason, episodes.reason_count, episodes.done, episodes.time_out]
         inputs = [self.conditions, self.is_time_out, self.simulation.overflow, *ends]
-        wp.launch(terminations.end_episodes, dim=self.num_worlds, inputs=inputs)
+        launch(terminations.end_episodes, dim=self.num_worlds, inputs=inputs)
 
     def _reset_worlds(self, starts: EpisodeStart | None = None) -> None:
         """Start a new episode in every world that is done."""
@@ -251,23 +251,23 @@ class ImitationEnvironment:
         self.randomization.reset(view)
         widths = [settings.reference_probability, settings.joint_position, settings.joint_velocity, self.reset_scale]
         inputs = [view, *widths, constants.joint_lower, constants.joint_upper, self.motors.target_queue]
-        wp.launch(resets.reset_joints, dim=self.num_worlds, inputs=inputs)
+        launch(resets.reset_joints, dim=self.num_worlds, inputs=inputs)
         widths = [settings.reference_probability, settings.tilt, settings.linear_velocity, settings.angular_velocity]
         inputs = [view, *widths, self.reset_scale, self.simulation.warm_start]
-        wp.launch(resets.reset_root, dim=self.num_worlds, inputs=inputs)
-        wp.launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=[view])
+        launch(resets.reset_root, dim=self.num_worlds, inputs=inputs)
+        launch(observations.remember_actions, dim=(self.num_worlds, int(NUM_JOINTS)), inputs=[view])
 
     def _observe(self) -> None:
         """Write the observation of the present state."""
         config, done = self.config, self.episodes.done
         history, size = config.history_length, state_size(config)
         shape = (self.num_worlds, size)
-        wp.launch(observations.shift_history, dim=shape, inputs=[self.observation, history, size])
+        launch(observations.shift_history, dim=shape, inputs=[self.observation, history, size])
         for placed in place_terms(config):
             # Older states have been moved to their places.
             if placed.offset >= 0:
                 placed.term.launch(self.views[placed.offset], self.observation, placed.start)
-        wp.launch(observations.fill_history, dim=shape, inputs=[done, self.observation, history, size])
+        launch(observations.fill_history, dim=shape, inputs=[done, self.observation, history, size])
         if config.privileged:
             for placed in place_privileged(config):
                 placed.term.launch(self.views[0], self.privileged_observation, placed.start)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kine2go_warp.env.clips import make_placement, upload_clips
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.terrain import HeightField
-from kine2go_warp.kernels import phase_sampling, resets
+from kine2go_warp.kernels import launch, phase_sampling, resets
 from kine2go_warp.kernels.phase_sampling import PhaseTable
 from kine2go_warp.motions.clip import MotionClip
 
@@ -63,9 +63,9 @@ class Episodes:
 
     def advance(self) -> None:
         """Count one control step."""
-        wp.launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
+        launch(resets.advance_counters, dim=self.num_worlds, inputs=[self.reference_step, self.length])
         if self.config.anneals_limits:
-            wp.launch(resets.count_world_steps, dim=self.num_worlds, inputs=[self.world_steps])
+            launch(resets.count_world_steps, dim=self.num_worlds, inputs=[self.world_steps])
 
     def learn_from_failures(self) -> None:
         """Update the weights of the places where episodes begin. Launched when it is known which worlds are done."""
@@ -73,17 +73,17 @@ class Episodes:
         if not sampling.is_weighted:
             return
         lookback = round(sampling.lookback * self.config.control_rate)
-        wp.launch(
+        launch(
             phase_sampling.count_phases,
             dim=self.num_worlds,
             inputs=[table, self.clips, self.placement, self.reference_step, lookback, self.done, self.time_out],
         )
-        wp.launch(phase_sampling.fade_counts, dim=table.cumulative.shape[0], inputs=[table, sampling.memory])
-        wp.launch(phase_sampling.accumulate_probability, dim=1, inputs=[table, sampling.uniform_share])
+        launch(phase_sampling.fade_counts, dim=table.cumulative.shape[0], inputs=[table, sampling.memory])
+        phase_sampling.accumulate_probability(table, sampling.uniform_share)
 
     def reset(self) -> None:
         """Draw clip, phase, heading and place of every world that is done."""
-        wp.launch(
+        launch(
             resets.draw_episodes,
             dim=self.num_worlds,
             inputs=[
@@ -103,7 +103,7 @@ class Episodes:
         """Begin the episodes that have just been drawn elsewhere in the clips."""
         chosen = [wp.array(starts.clip, dtype=int), wp.array(starts.phase, dtype=float)]
         inputs = [self.done, self.clips, self.placement, *chosen, wp.array(starts.heading, dtype=float)]
-        wp.launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)
+        launch(resets.choose_episodes, dim=self.num_worlds, inputs=inputs)
 
 
 def world_seeds(seed: int, num_worlds: int, first_world: int = 0) -> np.ndarray:
@@ -118,7 +118,7 @@ def make_phase_table(num_clips: int, config: EnvConfig) -> PhaseTable:  # pyrigh
     count = num_clips * table.bins_per_clip
     table.new_visits, table.new_failures = wp.zeros(count, dtype=int), wp.zeros(count, dtype=int)
     table.visits, table.failures = wp.zeros(count, dtype=float), wp.zeros(count, dtype=float)
-    table.cumulative = wp.zeros(count, dtype=float)
+    table.weight, table.cumulative = wp.zeros(count, dtype=float), wp.zeros(count, dtype=float)
     return table
 
 

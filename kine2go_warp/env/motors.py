@@ -7,7 +7,7 @@ import warp as wp
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.model import SpecArrays
-from kine2go_warp.kernels import actuation
+from kine2go_warp.kernels import actuation, launch
 from kine2go_warp.kernels.actuation import MotorModel
 from kine2go_warp.kernels.reference import Placement, ReferenceClips
 from kine2go_warp.kernels.state import NUM_JOINTS
@@ -61,7 +61,7 @@ class Motors:
         settings, shape = self.config.action, self.joint_target.shape
         if settings.mode == "default_offset":
             inputs = [action, self.constants.default_position, settings.scale, settings.clip, joint_target]
-            wp.launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
+            launch(actuation.targets_from_default_pose, dim=shape, inputs=inputs)
         elif settings.mode in ("residual_ff", "residual"):
             lead = self.nominal_damping / self.nominal_stiffness
             inputs = [
@@ -75,14 +75,14 @@ class Motors:
                 settings.clip,
                 joint_target,
             ]
-            wp.launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
+            launch(actuation.targets_from_reference, dim=shape, inputs=inputs)
         else:
             wp.copy(joint_target, action)
 
     def queue_targets(self, joint_target: wp.array[Any], reference_step: wp.array[Any]) -> None:
         """Queue joint targets [rad], shape [num_worlds, 12]."""
         inputs = [joint_target, reference_step, self.target_queue]
-        wp.launch(actuation.push_target, dim=joint_target.shape, inputs=inputs)
+        launch(actuation.push_target, dim=joint_target.shape, inputs=inputs)
 
     def apply(
         self,
@@ -93,7 +93,7 @@ class Motors:
         joint_force: wp.array[Any],
     ) -> None:
         """Write the torques of a physics substep."""
-        wp.launch(
+        launch(
             actuation.apply_motor_torque,
             dim=self.torque.shape,
             inputs=[

@@ -11,7 +11,7 @@ from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terms.randomization import RandomizationTerm, active
-from kine2go_warp.kernels import randomization
+from kine2go_warp.kernels import launch, randomization
 from kine2go_warp.kernels.randomization import Draw
 from kine2go_warp.kernels.world import WorldView
 from kine2go_warp.quantities import RANDOMIZED_PARAMETERS
@@ -73,7 +73,7 @@ class Randomization:
             name = term.drawn_name
             if term.range and term.drawn.when == when:
                 inputs = [view, self._distribution(term), before[name], self.rows[name]]
-                wp.launch(randomization.draw_parameter, dim=self.config.num_worlds, inputs=inputs)
+                launch(randomization.draw_parameter, dim=self.config.num_worlds, inputs=inputs)
                 before[name] = self.rows[name]
 
     def _distribution(self, term: RandomizationTerm) -> Draw:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
@@ -106,16 +106,16 @@ class Randomization:
             self.bodies.apply_friction()
         if active(terms, "latency"):
             inputs = [view, self.latency, self.config.delay_range[1]]
-            wp.launch(randomization.round_down, dim=num_worlds, inputs=inputs)
+            launch(randomization.round_down, dim=num_worlds, inputs=inputs)
         if self.is_pushing:
             inputs = [view, self.push_ranges[0], self.next_push]
-            wp.launch(randomization.schedule_push, dim=num_worlds, inputs=inputs)
+            launch(randomization.schedule_push, dim=num_worlds, inputs=inputs)
 
     def push_robots(self, view: WorldView) -> None:  # pyright: ignore[reportGeneralTypeIssues] - a Warp struct
         """Push the robots whose time has come."""
         if self.is_pushing:
             inputs = [view, *self.push_ranges, self.next_push, self.push]
-            wp.launch(randomization.push_robots, dim=self.config.num_worlds, inputs=inputs)
+            launch(randomization.push_robots, dim=self.config.num_worlds, inputs=inputs)
 
     def parameters(self) -> dict[str, np.ndarray]:
         """Return what holds in each world now, by the names of ``RANDOMIZED_PARAMETERS``, first axis worlds."""

@@ -23,7 +23,7 @@ from kine2go_warp.env.model import (
 )
 from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.terrain import HeightField
-from kine2go_warp.kernels import contacts, loads
+from kine2go_warp.kernels import contacts, launch, loads
 from kine2go_warp.kernels.coordinates import pull_state, push_state
 from kine2go_warp.kernels.loads import StepLoads
 from kine2go_warp.kernels.state import NUM_JOINTS, NUM_LEGS, RobotState
@@ -93,16 +93,16 @@ class Simulation:
         robot, data = self.robot, self.data
         for substep in range(self.config.substeps):
             motors.apply(substep, reference_step, robot.joint_q, robot.joint_qd, data.qfrc_applied)
-            wp.launch(push_state, dim=self.num_worlds, inputs=[robot, data.qpos, data.qvel])
+            launch(push_state, dim=self.num_worlds, inputs=[robot, data.qpos, data.qvel])
             mujoco_warp.step(self.solver.mjw_model, data)
             if self.loads is not None:
                 self.collect_contacts()
                 when = [reference_step, substep, self.config.substeps, motors.model, SATURATION, self.loads]
                 inputs = [motors.torque, robot.joint_qd, data.qvel, motors.target_queue, *when]
-                wp.launch(loads.add_joint_loads, dim=motors.torque.shape, inputs=inputs)
+                launch(loads.add_joint_loads, dim=motors.torque.shape, inputs=inputs)
                 inputs = [self.foot_force, substep, self.config.substeps, self.loads]
-                wp.launch(loads.add_foot_loads, dim=self.foot_force.shape, inputs=inputs)
-            wp.launch(pull_state, dim=self.num_worlds, inputs=[data.qpos, data.qvel, robot])
+                launch(loads.add_foot_loads, dim=self.foot_force.shape, inputs=inputs)
+            launch(pull_state, dim=self.num_worlds, inputs=[data.qpos, data.qvel, robot])
 
     def clear_loads(self) -> None:
         """Forget what the robots bore in an earlier life."""
@@ -128,8 +128,8 @@ class Simulation:
         """Read foot forces and other contacts of the last substep."""
         data = self.data
         results = [self.foot_force, self.body_contact, self.leg_contact]
-        wp.launch(contacts.clear_contacts, dim=self.num_worlds, inputs=results)
-        wp.launch(
+        launch(contacts.clear_contacts, dim=self.num_worlds, inputs=results)
+        launch(
             contacts.collect_contacts,
             dim=data.naconmax,
             inputs=[

@@ -13,6 +13,7 @@ from kine2go_warp.env.motors import Motors
 from kine2go_warp.env.randomization import parameter_arrays
 from kine2go_warp.env.simulation import Simulation
 from kine2go_warp.env.terrain import build_height_field
+from kine2go_warp.kernels import launch
 from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.recording import record_root
 from kine2go_warp.kernels.resets import advance_counters
@@ -103,12 +104,12 @@ class OpenLoop:
         """Launch one control step."""
         self.motors.queue_targets(self._target, self.reference_step)
         self.simulation.advance(self.motors, self.reference_step)
-        wp.launch(advance_counters, dim=self.config.num_worlds, inputs=[self.reference_step, self._length])
+        launch(advance_counters, dim=self.config.num_worlds, inputs=[self.reference_step, self._length])
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the present state by the names of the dataset's arrays, the first axis being the world."""
         with wp.ScopedDevice(self.device):
-            wp.launch(record_root, dim=self.config.num_worlds, inputs=[self.simulation.robot, *self._root])
+            launch(record_root, dim=self.config.num_worlds, inputs=[self.simulation.robot, *self._root])
         names = ("root_position", "root_orientation", "root_linear_velocity", "root_angular_velocity")
         state = {name: array.numpy().copy() for name, array in zip(names, self._root, strict=True)}
         state["joint_position"] = self.simulation.robot.joint_q.numpy()[:, 7:].copy()
@@ -120,7 +121,7 @@ class OpenLoop:
         assert self.simulation.loads is not None
         with wp.ScopedDevice(self.device):
             inputs = [self.simulation.robot, self.simulation.geometry, *self._links]
-            wp.launch(link_states, dim=(self.config.num_worlds, 4, 4), inputs=inputs)
+            launch(link_states, dim=(self.config.num_worlds, 4, 4), inputs=inputs)
         return {
             "joint_power_mean": self.simulation.loads.power_mean.numpy().copy(),
             "foot_contact_force": self.simulation.foot_force.numpy().copy(),

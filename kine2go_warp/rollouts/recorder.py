@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.schema import FINAL_STATE_ARRAYS
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.env.model import body_shapes
+from kine2go_warp.kernels import launch
 from kine2go_warp.kernels.kinematics import link_states
 from kine2go_warp.kernels.leg_distance import least_leg_distance
 from kine2go_warp.kernels.recording import record_reference, record_root
@@ -70,21 +71,21 @@ class RolloutRecorder:
         """
         environment, episodes = self.environment, self.environment.episodes
         with wp.ScopedDevice(environment.device):
-            wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
-            wp.launch(
+            launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
+            launch(
                 link_states,
                 dim=(environment.num_worlds, 4, 4),
                 inputs=[environment.robot, environment.simulation.geometry, *self._links],
             )
             place = [episodes.clips, episodes.placement, episodes.reference_step]
-            wp.launch(sample_reference, dim=environment.num_worlds, inputs=[*place, environment.reference])
-            wp.launch(
+            launch(sample_reference, dim=environment.num_worlds, inputs=[*place, environment.reference])
+            launch(
                 record_reference,
                 dim=environment.num_worlds,
                 inputs=[*place, environment.reference, environment.simulation.geometry, *self._reference],
             )
             shapes = [environment.simulation.geometry, self._shapes, self._leg_distance]
-            wp.launch(least_leg_distance, dim=environment.num_worlds, inputs=[environment.robot, *shapes])
+            launch(least_leg_distance, dim=environment.num_worlds, inputs=[environment.robot, *shapes])
             self._mean_action_view.copy_(mean_action)
             environment.motors.compute_targets(
                 self._mean_action,
@@ -105,7 +106,7 @@ class RolloutRecorder:
         """Return the state of all worlds now, by the names of ``FINAL_STATE_ARRAYS``. It waits for the device."""
         environment = self.environment
         with wp.ScopedDevice(environment.device):
-            wp.launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
+            launch(record_root, dim=environment.num_worlds, inputs=[environment.robot, *self._root])
         return {array.name: self._views[array.name].cpu().numpy().copy() for array in FINAL_STATE_ARRAYS}
 
     def record_action(self) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kine2go_warp.env.clips import make_reference_state
 from kine2go_warp.env.environment import ImitationEnvironment
+from kine2go_warp.kernels import launch
 from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.learning.vec_env import BufferedVecEnv
 from kine2go_warp.training.logger import TrainingProgress
@@ -156,7 +157,7 @@ class WorldSampler:
         episodes = self.environment.episodes
         with wp.ScopedDevice(self.environment.device):
             place = [episodes.clips, episodes.placement, episodes.reference_step]
-            wp.launch(sample_reference, dim=self.num_worlds, inputs=[*place, self._reference])
+            launch(sample_reference, dim=self.num_worlds, inputs=[*place, self._reference])
         self._block.append(torch.cat(self._views, dim=1))
 
     def _hand_over(self) -> None:

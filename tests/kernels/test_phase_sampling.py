@@ -24,7 +24,7 @@ def make_table(num_bins, bins_per_clip):
     with wp.ScopedDevice(wp.get_device()):
         table.new_visits, table.new_failures = wp.zeros(num_bins, dtype=int), wp.zeros(num_bins, dtype=int)
         table.visits, table.failures = wp.zeros(num_bins, dtype=float), wp.zeros(num_bins, dtype=float)
-        table.cumulative = wp.zeros(num_bins, dtype=float)
+        table.weight, table.cumulative = wp.zeros(num_bins, dtype=float), wp.zeros(num_bins, dtype=float)
     return table
 
 
@@ -79,7 +79,8 @@ def test_probabilities_are_a_uniform_share_and_the_failure_rates(uniform_share, 
     visits, failures = rng.uniform(10.0, 100.0, 40), rng.uniform(0.0, 10.0, 40)
     table.visits.assign(np.float32(visits))
     table.failures.assign(np.float32(failures))
-    wp.launch(accumulate_probability, dim=1, inputs=[table, uniform_share])
+    wp.launch(fade_counts, dim=40, inputs=[table, 1.0])
+    accumulate_probability(table, uniform_share)
     rate = (failures + 1.0) / (visits + 1.0)
     expected = uniform_share / 40 + (1.0 - uniform_share) * rate / rate.sum()
     np.testing.assert_allclose(np.diff(table.cumulative.numpy(), prepend=0.0), expected, atol=2e-7, rtol=1e-4)

@@ -62,10 +62,10 @@ class Term(Named):
 
     def launch(self, view: Any, out: "wp.array[Any]", column: int) -> None:
         """Launch the kernel over all worlds."""
-        import warp as wp
+        from kine2go_warp.kernels import launch
 
         inputs = [view, out, column, *self.param_values.values()]
-        wp.launch(self.load_kernel(), dim=out.shape[0], inputs=inputs)
+        launch(self.load_kernel(), dim=out.shape[0], inputs=inputs)
 
 
 AnyTerm = TypeVar("AnyTerm", bound=Term)
