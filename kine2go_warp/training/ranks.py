@@ -138,7 +138,11 @@ def packed(value: Any) -> bytes:
 
 
 def unpacked(packet: bytes) -> Any:
-    """Return the object that ``packed`` has taken, from a process of the same training."""
+    """Return the object that ``packed`` has taken.
+
+    It holds records and errors, not only tensors. It comes from a process of the same training and from no file;
+    torch's own exchange of objects unpickles in the same way.
+    """
     import torch
 
     return torch.load(io.BytesIO(packet), weights_only=False)

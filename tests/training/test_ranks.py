@@ -105,7 +105,7 @@ def test_a_training_is_continued_by_as_many_processes_as_began_it(tmp_path):
 
 
 def free_ports(count):
-    """Ports that nobody listens at."""
+    """Return so many free TCP ports of this machine."""
     with ExitStack() as stack:
         sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
         return [str(one.getsockname()[1]) for one in sockets]

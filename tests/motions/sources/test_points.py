@@ -171,7 +171,7 @@ def test_damaged_markers_are_refused(tmp_path, monkeypatch, damage):
 
 @pytest.mark.parametrize(("frames", "theirs"), [((1085, 1124), "right_turn0"), ((2404, 2450), "left_turn0")])
 def test_a_dog_turns_as_in_the_retargeting_of_another_project(frames, theirs, data_folder):
-    """AMP_for_hardware retargeted the same ranges of ``dog_walk09``, which the paper calls left_turn and right_turn."""
+    """The project amp_go2 has the same ranges of ``dog_walk09``, which the paper calls left_turn and right_turn."""
     motion = SOURCES["ai4animation"].read(data_folder / "ai4animation" / "dog_walk09_joint_pos.txt")
     forward = (motion.point("neck") - motion.point("pelvis"))[slice(*frames)]
     rows = json.loads((data_folder / f"public/amp_txt/go2/{theirs}.txt").read_text())["Frames"]
