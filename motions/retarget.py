@@ -31,6 +31,7 @@ from kine2go_warp.motions.sequence import Played, animal_of, joined
 from kine2go_warp.motions.skeleton import Skeleton, skeleton_at
 from kine2go_warp.motions.stance import detect_stance, hold_feet, longest_stance, stand_feet, without_short_runs
 from kine2go_warp.motions.targets import pose_targets, reach_remarks, standing_height
+from kine2go_warp.motions.validation import check_ends
 from kine2go_warp.motions.variation import mirror_image
 from kine2go_warp.robots import RobotSpec
 
@@ -144,6 +145,7 @@ def retarget(
     remarks = motion.remarks + entry.file_remarks(origin.sha256) + reach_remarks(heights)
     if entry.mirrored:
         clip = mirror_image(clip).completed(solver.spec)
+    check_ends(clip, path)
     return Retargeted(clip, float(steps.sum()), score, moved, remarks)
 
 

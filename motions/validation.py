@@ -120,7 +120,10 @@ def check_ends(clip: "MotionClip", path: Path) -> None:
     moved = [*clip.joint_position.T, *clip.root_position.T]
     fastest = max(abs(float(one[place + 1] - one[place])) for one in moved for place in (0, -2)) / clip.frame_duration
     if fastest > AT_REST:
-        raise ClipError(f"{path}: it is played once, but moves at {fastest:.2g} rad/s or m/s at an end; hold its ends")
+        raise ClipError(
+            f"{path}: it is played once, but moves at {fastest:.2g} rad/s or m/s at an end; "
+            "hold its ends for longer ('hold = 1.0' in its catalogue)"
+        )
 
 
 def check_derived(clip: "MotionClip", spec: RobotSpec, path: Path) -> None:

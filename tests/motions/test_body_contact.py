@@ -7,6 +7,7 @@ import pytest
 
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.env.mujoco_engine import world_tree
+from kine2go_warp.errors import ClipError
 from kine2go_warp.motions.body_contact import resting_ends
 from kine2go_warp.motions.catalogue import load_catalogue, motion_named
 from kine2go_warp.motions.clip import CONTACT_TOLERANCE, MotionClip
@@ -172,3 +173,10 @@ def test_real_dogs_sit_on_the_floor_and_neither_in_nor_above_it(name, data_folde
     rests = clip.body_rests[:, 1] > 0.5
     hocks = np.stack([apart[f"{leg}_thigh_capsule"] for leg in LEGS[2:]], axis=1)[rests]
     assert np.median(hocks) < 2e-3
+
+
+def test_a_posture_that_is_not_held_long_enough_to_come_to_rest_is_refused(data_folder, solver):
+    entry = entry_of("ai4animation/dog_walk06_joint_pos.txt", start=435, end=479)
+    with pytest.raises(ClipError, match=r"moves at 0\.4.* rad/s or m/s at an end; hold its ends for longer"):
+        retarget(replace(entry, kind="once", hold=0.5), data_folder, solver, RetargetConfig())
+    assert retarget(replace(entry, kind="once", hold=1.0), data_folder, solver, RetargetConfig()).clip.kind == "once"
