@@ -81,7 +81,7 @@ def trajectory_tab(one: Trajectory, usage: LimitUsage, spec: RobotSpec) -> rrb.H
         ),
         plots,
         rrb.TextDocumentView(name="metrics", origin=f"{entity}/text"),
-        column_shares=[10, 7, 4],
+        column_shares=[9, 6, 5],
         name=f"{one.index}{share}",
     )
 

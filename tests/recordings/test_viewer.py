@@ -124,8 +124,8 @@ def look(screenshot):
     from PIL import Image
 
     pixels = np.asarray(Image.open(io.BytesIO(screenshot)).convert("RGB")).astype(int)
-    space = pixels[100:850, :750]
+    space = pixels[100:850, :700]
     # Darker than the page and the line of the root, lighter than the background and its squares.
     shell = (np.ptp(space, axis=-1) < 30) & (space.min(axis=-1) > 110) & (space.max(axis=-1) < 235)
-    curves = np.abs(pixels[100:850, 770:1290] - np.array([98, 160, 234])).max(axis=-1) < 12
+    curves = np.abs(pixels[100:850, 770:1190] - np.array([98, 160, 234])).max(axis=-1) < 12
     return SimpleNamespace(robot=int(shell.sum()), plots=int(curves.sum()))

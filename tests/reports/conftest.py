@@ -37,7 +37,7 @@ class Page(HTMLParser):
     def handle_starttag(self, tag, attrs):
         attributes = dict(attrs)
         self.elements.append((tag, attributes))
-        if tag not in ("meta", "link", "img", "br", "use", "path"):
+        if tag not in ("meta", "link", "img", "br", "wbr", "use", "path"):
             self.open_elements.append(tag)
         if attributes.get("class") == "scroll":
             self.label = attributes["aria-label"]
