@@ -38,6 +38,8 @@ BEYOND_LIMITS = 0.1
 FOOT_HEIGHTS = -0.1, 1.0
 """Between these heights the lowest foot of a clip lies [m]."""
 UNIT_TOLERANCE = 1e-3
+SHARES = ("stance", "body_rests")
+"""Arrays of numbers from 0 to 1."""
 AT_REST = 0.2
 """Greatest speed of a joint [rad/s], or of the base along an axis [m/s], at the ends of a clip that is played once."""
 SAME_TOLERANCE = 1e-3
@@ -52,12 +54,27 @@ def validate(clip: "MotionClip", path: Path) -> None:
         Kine2GoError: its robot is not available here.
     """
     check_name(clip.name, path, ClipError)
+    check_header(clip, path)
     check_arrays(clip, path)
     check_numbers(clip, path)
     spec = clip.spec
     check_joints(clip, spec, path)
     check_ends(clip, path)
     check_derived(clip, spec, path)
+
+
+def check_header(clip: "MotionClip", path: Path) -> None:
+    """Refuse a robot or an origin of another type."""
+    texts = {"robot": clip.robot}
+    for one in fields(clip.origin):
+        value = getattr(clip.origin, one.name)
+        if isinstance(one.default, str):
+            texts[f"origin.{one.name}"] = value
+        elif not isinstance(value, int | float):
+            raise ClipError(f"{path}: origin.{one.name} is {value!r:.40}, not a number; retarget it again")
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            raise ClipError(f"{path}: {name} is {value!r:.40}, not a text; retarget it again")
 
 
 def check_arrays(clip: "MotionClip", path: Path) -> None:
@@ -76,6 +93,8 @@ def check_arrays(clip: "MotionClip", path: Path) -> None:
         if not np.isfinite(values).all():
             frame = int(np.argwhere(~np.isfinite(values))[0][0])
             raise ClipError(f"{path}: {name} is not finite in frame {frame}; retarget it again")
+        if name in SHARES and not 0.0 <= values.min() <= values.max() <= 1.0:
+            raise ClipError(f"{path}: {name} holds numbers beyond 0 to 1; retarget it again")
 
 
 def check_numbers(clip: "MotionClip", path: Path) -> None:

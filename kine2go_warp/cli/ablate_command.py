@@ -6,6 +6,7 @@ from pathlib import Path
 import tyro
 
 from kine2go_warp.cli.data import ClipPaths, Device
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.ablation import BUNDLED, AblationConfig
 
@@ -69,5 +70,5 @@ class Ablate:
         elif not any(self.out.glob(f"*/*/seed-*/{RESULT_FILE}")):
             raise Kine2GoError(f"{self.out}: no results of an ablation here; leave out --table to make them")
         for clip in clips:
-            print(ablation_table(clip.name, variants, self.out))
+            say(ablation_table(clip.name, variants, self.out))
         return 0

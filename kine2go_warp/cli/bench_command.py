@@ -95,10 +95,13 @@ class Bench:
             return bench_retargeting(entries, folder, self.repeats, self.robot)
 
         if stage == "load":
-            from kine2go_warp.bench.loading import bench_loading
+            from kine2go_warp.dataset import open_dataset
 
             if self.dataset is None:
                 raise Kine2GoError("load needs --dataset")
+            open_dataset(self.dataset)
+            from kine2go_warp.bench.loading import bench_loading
+
             limit_threads()
             return bench_loading(self.dataset, self.repeats)
 

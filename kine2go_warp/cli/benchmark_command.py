@@ -9,6 +9,7 @@ import tyro
 from kine2go_warp.benchmark.config import BenchmarkConfig
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import DatasetPath, Device, MotionNames
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 
 if TYPE_CHECKING:
@@ -40,17 +41,20 @@ class Benchmark:
         if self.leaderboard.is_dir():
             raise Kine2GoError(f"{self.leaderboard}: is a folder; name a file for the results")
 
+        from kine2go_warp.dataset import open_dataset
+
+        dataset = open_dataset(self.dataset)
+        names = dataset.chosen(self.motions)
+
         from kine2go_warp.benchmark.leaderboard import Leaderboard, draw
         from kine2go_warp.benchmark.policies import load_policy
         from kine2go_warp.benchmark.run import benchmark_motion
         from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.content import motion_content
         from kine2go_warp.device import choose_device
 
         limit_threads()
-        dataset, board = open_dataset(self.dataset), Leaderboard.read(self.leaderboard, self.config)
-        names = dataset.chosen(self.motions)
+        board = Leaderboard.read(self.leaderboard, self.config)
         device = choose_device(self.device)
         with Progress() as progress:
             for policy in [load_policy(one) for one in self.policy]:
@@ -64,7 +68,7 @@ class Benchmark:
                     board.write(self.leaderboard)
         picture = draw(board, self.leaderboard.with_suffix(".png"))
         print_board(board)
-        print(f"{self.leaderboard}: all metrics with intervals, motion by motion; {picture}: scores and survival")
+        say(f"{self.leaderboard}: all metrics with intervals, motion by motion; {picture}: scores and survival")
         return 0
 
 

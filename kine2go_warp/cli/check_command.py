@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
+from kine2go_warp.cli.texts import say
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.checks.records import Finding, Report
@@ -70,7 +71,7 @@ class Check:
 
 def print_report(report: "Report") -> None:
     """Print the table of checks, a line for each finding, and what would explain them."""
-    from kine2go_warp.cli.tables import print_table, say
+    from kine2go_warp.cli.tables import print_table
 
     print_table(table_of_checks(report) if len(report.motions) <= FEW else table_of_motions(report))
     for finding, others in condensed(report.findings):

@@ -14,6 +14,7 @@ from kine2go_warp.cli.data import (
     data_folder,
     read_clips,
 )
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.rollouts.config import GatherConfig
 
@@ -90,7 +91,7 @@ class Doctor:
 
     def run(self) -> int:
         """Print what is found."""
-        from kine2go_warp.cli.tables import print_machine, print_usable, say
+        from kine2go_warp.cli.tables import print_machine, print_usable
         from kine2go_warp.motions.catalogue import load_catalogue
 
         entries, folder = list(load_catalogue(self.catalogue).values()), data_folder(self.data)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from kine2go_warp.cli.commands import limit_threads
+from kine2go_warp.cli.texts import say
 from kine2go_warp.deployment.safety import Phase, SafetyLimits
 from kine2go_warp.errors import Kine2GoError
 
@@ -65,8 +65,6 @@ class Deploy:
 
     def run(self) -> int:
         """Drive, and say how it ended."""
-        limit_threads()
-
         from kine2go_warp.deployment.controller import ExportedPolicy
         from kine2go_warp.deployment.dds import UnitreeLink
         from kine2go_warp.deployment.drive import Deployment, DriveConfig, check_deployable
@@ -88,13 +86,13 @@ class Deploy:
             drive = Deployment(policy, link, config, clip, operator.on_phase)
             with realtime() as is_realtime:
                 if not is_realtime:
-                    print(NO_PRIORITY, file=sys.stderr)
+                    say(NO_PRIORITY, error=True)
                 outcome = drive.run(operator.wants_start, lambda: stop.requested or operator.is_gone)
             lost = f" ({link.damaged} states had a wrong checksum)" if link.damaged else ""
-            print(f"damped: {outcome.reason}{lost}")
+            say(f"damped: {outcome.reason}{lost}")
             if outcome.tracked:
                 error = f"joint RMSE {outcome.joint_rmse:.4f} rad"
-                print(f"{names[clip]}: tracked for {outcome.tracked:.1f} s; by the robot's states {error}")
+                say(f"{names[clip]}: tracked for {outcome.tracked:.1f} s; by the robot's states {error}")
                 if robot is not None:
                     print_tracking(robot, outcome)
         if outcome.completed:
@@ -136,12 +134,12 @@ class Operator:
     def on_phase(self, phase: Phase) -> None:
         """Say what the robot does."""
         if phase is Phase.READY and self.waits:
-            print(f"standing: press Enter to track {self.clip} for {self.seconds:g} s, Ctrl-C to damp", flush=True)
+            say(f"standing: press Enter to track {self.clip} for {self.seconds:g} s, Ctrl-C to damp")
             while self._has_input() and sys.stdin.readline():
                 pass  # what was pressed before does not count
             self._is_asked = True
         elif phase is not Phase.DAMPED:
-            print(phase.value, flush=True)
+            say(phase.value)
 
     def wants_start(self) -> bool:
         """Return whether Enter was pressed since the robot stands."""
@@ -165,9 +163,9 @@ def print_tracking(robot: "subprocess.Popen[str]", outcome: "Outcome") -> None:
     robot.stdin.flush()
     found = json.loads(robot.stdout.readline() or "null")
     if found is None:
-        print("the simulated robot has ended and measured nothing")
+        say("the simulated robot has ended and measured nothing")
         return
-    print(
+    say(
         f"by the simulator: joint RMSE {found['joint_rmse']:.4f} rad, {found['distance']:.2f} m away from the start "
         f"(the clip {found['reference_distance']:.2f} m), tilted by at most {found['max_tilt']:.2f} rad"
     )

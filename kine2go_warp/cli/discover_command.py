@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, Robot, rate_in_hz
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -47,7 +48,6 @@ class Discover:
         """Search, write and print what was found."""
         from kine2go_warp.cli.motion_commands import licence_for
         from kine2go_warp.cli.progress import bar
-        from kine2go_warp.cli.tables import say
         from kine2go_warp.files import atomic_file
         from kine2go_warp.motions.discovery.discover import discover
         from kine2go_warp.motions.discovery.sheet import contact_sheet
@@ -82,7 +82,7 @@ class Discover:
 
 def print_found(found: "Discovery") -> None:
     """Print how many motions of which label there are, and what was left out."""
-    from kine2go_warp.cli.tables import make_table, print_table, say
+    from kine2go_warp.cli.tables import make_table, print_table
 
     rows = []
     for label in dict.fromkeys(one.cut.label for one in found.motions):

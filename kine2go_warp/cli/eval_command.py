@@ -9,6 +9,7 @@ import tyro
 
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import Device, OtherClips, PolicyPath, read_clips
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
 from kine2go_warp.files import atomic_file
@@ -72,7 +73,7 @@ class Eval:
             for clip in dict.fromkeys(one.clip for one in results)
         ]
         print_results(policy.path, self.config, results, self.markdown)
-        print(f"{path}: all metrics with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
+        say(f"{path}: all metrics with intervals and of every rollout; errors over the cycle: {shown(pictures)}")
         return 0
 
 
@@ -95,7 +96,7 @@ def shown(pictures: Sequence[Path]) -> str:
 
 def print_results(policy: Path, config: EvalConfig, results: "Sequence[Result]", file: Path | None) -> None:
     """Print a line for each clip and condition, and write them as Markdown to a file, if one is named."""
-    from kine2go_warp.cli.tables import print_table, say
+    from kine2go_warp.cli.tables import print_table
     from kine2go_warp.evaluation.metrics import MIN_SURVIVAL, THRESHOLDS
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s a line, {config.randomization} randomisation"
@@ -139,8 +140,6 @@ def results_table(
 
 def print_early_ends(results: "Sequence[Result]") -> None:
     """Print why rollouts ended before their time."""
-    from kine2go_warp.cli.tables import say
-
     for one in results:
         if one.reasons:
             early = ", ".join(f"{count} by {reason}" for reason, count in one.reasons.items())

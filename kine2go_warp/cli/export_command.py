@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 
 from kine2go_warp.cli.data import ClipPaths, DatasetPath, MotionNames
+from kine2go_warp.cli.texts import say
 
 MOTION_FORMAT_NAMES = "mjlab,mimickit,amp,humanoidverse,protomotions,unitree"
 FORMAT_NAMES = f"{{lerobot,minari,robomimic,d4rl,motivo,parquet,npz,{MOTION_FORMAT_NAMES}}}"
@@ -35,7 +36,6 @@ class Export:
     def run(self) -> int:
         """Export with a progress bar and say what was written."""
         from kine2go_warp.cli.progress import bar
-        from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.exports.export import default_folder, export_dataset
         from kine2go_warp.tables import counted
@@ -47,7 +47,7 @@ class Export:
             )
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
         trajectories, motions = counted(record.trajectories, "trajectory"), counted(len(record.motions), "motion")
-        print(
+        say(
             f"{out}: {trajectories} of {motions}, {record.rows} rows, "
             f"{size:.1f} MB; what is in it and whose it is: {out / 'README.md'}"
         )
@@ -80,5 +80,5 @@ class ExportClips:
 
         clips = [MotionClip.load(path) for path in self.clips]
         export_clips(clips, self.format, self.out, self.overwrite)
-        print(f"{self.out}: {counted(len(clips), 'clip')} for {self.format}; whose they are: {self.out / 'README.md'}")
+        say(f"{self.out}: {counted(len(clips), 'clip')} for {self.format}; whose they are: {self.out / 'README.md'}")
         return 0

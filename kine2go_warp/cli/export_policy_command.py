@@ -6,6 +6,7 @@ from pathlib import Path
 
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import PolicyPath
+from kine2go_warp.cli.texts import say
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class ExportPolicy:
             metadata = export_policy(policy, out, self.overwrite)
         parity = metadata.parity
         names = ", ".join(sorted(path.name for path in out.iterdir()))
-        print(
+        say(
             f"{out}: {names}; largest difference from the policy {parity.onnx:.1e} (ONNX) and "
             f"{parity.torchscript:.1e} (TorchScript) on {parity.observations} observations"
         )

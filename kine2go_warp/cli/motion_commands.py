@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, DataFolder, MotionNames, Robot, data_folder, rate_in_hz
-from kine2go_warp.cli.texts import printable, sentence
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import CYCLE_TIMES, LEAST_WAY, RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
@@ -126,7 +126,7 @@ class Retarget:
     def run(self) -> int:
         """Retarget, save and print a table."""
         from kine2go_warp.cli.progress import tracked
-        from kine2go_warp.cli.tables import print_clips, say
+        from kine2go_warp.cli.tables import print_clips
         from kine2go_warp.files import atomic_file
         from kine2go_warp.motions.inverse_kinematics import InverseKinematics
         from kine2go_warp.motions.quality import assess, clip_remarks
@@ -165,7 +165,7 @@ class Retarget:
             files = sorted({f"{entry.name} ({entry.file})" for entry in missing})
             say(f"not there: {', '.join(files)}")
         for failure in failures:
-            print(f"kine2go: error: {sentence(failure)}", file=sys.stderr)
+            say(f"kine2go: error: {failure}", error=True)
         return 2 if failures else 0
 
     def entries(self) -> "list[CatalogueEntry]":
@@ -231,7 +231,7 @@ class Cycles:
         if self.rate is not None and abs(motion.rate / self.rate - 1.0) > 0.01:
             raise Kine2GoError(f"{self.file}: tells that it runs at {motion.rate:.1f} Hz; leave --rate out")
         for remark in motion.remarks:
-            print(printable(f"{self.file}: {remark}"), file=sys.stderr)
+            say(f"{self.file}: {remark}", error=True)
         targets = pose_targets(motion, source, robot_named(self.robot))
         frames = cycle_frames(motion.rate, (self.shortest, self.longest))
         found = find_cycles(targets, *frames, self.count, self.travel)
@@ -280,7 +280,7 @@ class Sources:
         """Print the licences, ask, and download what is missing."""
         from rich.progress import DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-        from kine2go_warp.cli.tables import console, say
+        from kine2go_warp.cli.tables import console
         from kine2go_warp.motions.fetch import check_file, fetch_file
 
         if self.url is None or self.data is None:

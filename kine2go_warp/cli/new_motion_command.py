@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, Robot, rate_in_hz
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -32,7 +33,7 @@ class NewMotion:
 
     def run(self) -> int:
         """Look, say, draw and write."""
-        from kine2go_warp.cli.tables import make_table, print_table, say
+        from kine2go_warp.cli.tables import make_table, print_table
         from kine2go_warp.files import atomic_file
         from kine2go_warp.motions.own_file import OwnFile, introduce, name_of
         from kine2go_warp.motions.report import draw_motion

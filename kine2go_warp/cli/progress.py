@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Column
 
 from kine2go_warp.cli.tables import console
-from kine2go_warp.cli.texts import sentence
+from kine2go_warp.cli.texts import printable, sentence
 
 Item = TypeVar("Item")
 
@@ -33,7 +33,10 @@ def tracked(items: Iterable[Item], text: str, output: Console | None = None) -> 
 def bar(text: str, output: Console | None = None) -> Iterator[Callable[..., None]]:
     """Show such a bar until the block ends; yield what moves it: steps done, all steps, and what is worked on."""
     output = output or console()
-    columns = (*rich.progress.Progress.get_default_columns(), rich.progress.TextColumn("{task.fields[detail]}"))
+    columns = (
+        *rich.progress.Progress.get_default_columns(),
+        rich.progress.TextColumn("{task.fields[detail]}", markup=False),
+    )
     with rich.progress.Progress(*columns, console=output, transient=True, disable=not output.is_terminal) as shown:
         task = shown.add_task(text, total=None, detail="")
         yield lambda done, total, detail="": shown.update(task, completed=done, total=total, detail=detail)
@@ -45,11 +48,11 @@ class Progress:
     def __init__(self) -> None:
         self.console = Console(stderr=True)
         self.live = rich.progress.Progress(
-            rich.progress.TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+            rich.progress.TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
             rich.progress.BarColumn(bar_width=12),
             rich.progress.TaskProgressColumn(),
             rich.progress.TimeRemainingColumn(compact=True),
-            rich.progress.TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True)),
+            rich.progress.TextColumn("{task.fields[detail]}", markup=False, table_column=Column(no_wrap=True)),
             console=self.console,
             disable=not self.console.is_terminal,
         )
@@ -72,7 +75,7 @@ class Progress:
     def stage(self, motion: str, stage: str) -> None:
         """A stage of a motion begins."""
         self._complete()
-        self.label = f"{motion} {stage}"
+        self.label = printable(f"{motion} {stage}")
         self.last_line = time.monotonic()
         note = FIRST_TIME_NOTES.get(stage, "")
         if self.console.is_terminal:

@@ -10,6 +10,7 @@ import tyro
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
 from kine2go_warp.cli.export_command import FORMAT_NAMES
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import ExportError
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class Publish:
             places = [str(Path(self.to) / part) for part in record.parts.values()]
         count = counted(record.trajectories, "trajectory")
         for licence, place in zip(record.parts, places, strict=True):
-            print(f"{place}: {licence}")
-        print(f"{count} of {counted(len(record.motions), 'motion')}, checked")
+            say(f"{place}: {licence}")
+        say(f"{count} of {counted(len(record.motions), 'motion')}, checked")
         return 0
 
     def _write(self, folder: Path) -> "ExportRecord":

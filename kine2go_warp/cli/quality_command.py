@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import DatasetError
 
 
@@ -23,7 +24,7 @@ class Quality:
 
     def run(self) -> int:
         """Print a table for each motion."""
-        from kine2go_warp.cli.tables import print_distributions, say
+        from kine2go_warp.cli.tables import print_distributions
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.scores.coverage import measure_coverage

@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 
 from kine2go_warp.cli.data import DatasetPath
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import RenderError
 
 Positional = tyro.conf.Positional
@@ -56,7 +57,7 @@ class Render:
         open_dataset(self.dataset).left_out(self.motion)  # a damaged file of verdicts is an error everywhere
         with bar("drawing") as advanced:
             record = render_video(self.dataset, self.motion, chosen, self.out, config, advanced, self.overwrite)
-        print(
+        say(
             f"{self.out}: {record.pictures} pictures of {width}x{height}, {record.pictures / record.fps:.1f} s at "
             f"{record.fps:g} a second, {self.out.stat().st_size / 1e6:.2f} MB"
         )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from kine2go_warp.cli.data import DatasetPath, check_data
+from kine2go_warp.cli.texts import say
 
 if TYPE_CHECKING:
     from kine2go_warp.rollouts.replay import ReplayResult
@@ -48,7 +49,7 @@ class Replay:
             check_data(dataset.motion(motion))
 
         from kine2go_warp.cli.progress import tracked
-        from kine2go_warp.cli.tables import print_replays, say
+        from kine2go_warp.cli.tables import print_replays
         from kine2go_warp.device import choose_device, is_here
         from kine2go_warp.robots.compiled import model_difference
         from kine2go_warp.rollouts.replay import replay_motion

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
+from kine2go_warp.cli.texts import say
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,6 @@ class Report:
     def run(self) -> int:
         """Write the page with a progress bar and say where it is."""
         from kine2go_warp.cli.progress import bar
-        from kine2go_warp.cli.tables import say
         from kine2go_warp.reports.report import default_path, write_report
         from kine2go_warp.tables import counted
 
@@ -35,7 +35,7 @@ class Report:
         with bar("reporting") as advanced:
             parts = write_report(self.dataset, path, self.motions, self.pictures, self.overwrite, advanced)
         trajectories = counted(sum(part.trajectories for part in parts), "trajectory")
-        print(
+        say(
             f"{path}: {trajectories} of {counted(len(parts), 'motion')}, {path.stat().st_size / 1e6:.2f} MB; "
             "open it in a browser"
         )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from kine2go_warp.cli.data import MotionNames, TargetPath
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import DatasetError, RecordingError
 from kine2go_warp.metrics import FILTER_METRICS
 
@@ -173,7 +174,7 @@ class Review:
             one = RecordingCache(self._folder(), style, self.overwrite).ensure(motion)
             state = "written" if one.is_new else "up to date"
             size = one.path.stat().st_size / 1e6
-            print(f"{one.path}: {counted(one.shown, 'trajectory')}, {size:.1f} MB, {state}", flush=True)
+            say(f"{one.path}: {counted(one.shown, 'trajectory')}, {size:.1f} MB, {state}")
             paths.append(one.path)
         return paths
 
@@ -194,7 +195,7 @@ class Review:
         if path.parent.exists() and not path.parent.is_dir():
             raise RecordingError(f"{path.parent}: is a file; name a folder for the recordings")
         record_clip(clip, path, meshes=self._meshes())
-        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, written", flush=True)
+        say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, written")
         return path
 
     def _show(self, recordings: "Sequence[Path]") -> int:
@@ -205,7 +206,7 @@ class Review:
 
         if self.web:
             viewer = WebViewer.start(recordings, self.port)
-            print(f"open {viewer.url} (Ctrl-C ends it)", flush=True)
+            say(f"open {viewer.url} (Ctrl-C ends it)")
             viewer.wait()
         else:
             open_native(recordings)

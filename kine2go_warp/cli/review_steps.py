@@ -10,7 +10,7 @@ from pathlib import Path
 
 from kine2go_warp.cli.data import check_data
 from kine2go_warp.cli.review_views import Views
-from kine2go_warp.cli.texts import printable
+from kine2go_warp.cli.texts import printable, say
 from kine2go_warp.dataset.limit_usage import STORED, LimitUsage, limit_usages
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.dataset.reviews import (
@@ -103,16 +103,16 @@ def step_through(
     """
     queue = by_limit_usage(motions, again, by)[:worst]
     steps = Steps(dataset, {motion.name: motion for motion in motions}, queue, who, views)
-    print(f"{counted(len(queue), 'trajectory')} to look at, those closest to a limit first; {HELP}", flush=True)
+    say(f"{counted(len(queue), 'trajectory')} to look at, those closest to a limit first; {HELP}")
     while (usage := steps.present) is not None:
         motion = steps.motions[usage.reference.motion]
-        print(f"\n[{steps.place + 1}/{len(queue)}] {described(usage, motion)}", flush=True)
+        say(f"\n[{steps.place + 1}/{len(queue)}] {described(usage, motion)}")
         views.show(motion, usage)
         if not answer(steps):
             break
     left = len(queue) - steps.place
     skipped = len(steps.said) - steps.count(ACCEPTED) - steps.count(REJECTED)
-    print(
+    say(
         f"\n{dataset}: {steps.count(ACCEPTED)} accepted, {steps.count(REJECTED)} rejected, {skipped} skipped, "
         f"{left} not looked at"
     )
@@ -181,7 +181,7 @@ def answer(steps: Steps) -> bool:
 
 def stay(message: str) -> bool:
     """Print a message and return that the question stands."""
-    print(printable(message))
+    say(message)
     return False
 
 

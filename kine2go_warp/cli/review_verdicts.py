@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kine2go_warp.cli.texts import say
 from kine2go_warp.dataset.access import open_dataset
 from kine2go_warp.dataset.reviews import (
     ACCEPTED,
@@ -41,7 +42,7 @@ def keep(dataset: Path, accept: Sequence[str], reject: Sequence[str], reason: st
     for verdict in (ACCEPTED, REJECTED):
         count = sum(one.verdict == verdict for one in reviews)
         if count:
-            print(f"{dataset}: {counted(count, 'trajectory')} {verdict}")
+            say(f"{dataset}: {counted(count, 'trajectory')} {verdict}")
     return 0
 
 
@@ -49,7 +50,7 @@ def accept_rest(dataset: Path, motions: "Sequence[Motion]", reason: str, reviewe
     """Accept every trajectory of some motions that has no verdict."""
     reviews = [new_review(one, ACCEPTED, reason, reviewer) for motion in motions for one in without_verdict(motion)]
     add_reviews(dataset, reviews)
-    print(f"{dataset}: {counted(len(reviews), 'trajectory')} {ACCEPTED}, all that had no verdict")
+    say(f"{dataset}: {counted(len(reviews), 'trajectory')} {ACCEPTED}, all that had no verdict")
     return 0
 
 
@@ -66,13 +67,13 @@ def withdraw(dataset: Path, names: Sequence[str]) -> int:
         DatasetError: there is no such motion or trajectory.
     """
     count = withdraw_reviews(dataset, [one for name in names for one in named(dataset, name)])
-    print(f"{dataset}: {counted(count, 'verdict')} withdrawn")
+    say(f"{dataset}: {counted(count, 'verdict')} withdrawn")
     return 0
 
 
 def print_reviews(dataset: Path, motions: "Sequence[Motion]") -> int:
     """Print the verdicts on trajectories of some motions, and how many have lapsed with the rows that they were on."""
-    from kine2go_warp.cli.tables import print_table, say
+    from kine2go_warp.cli.tables import print_table
 
     reviews = read_reviews(dataset)
     rows, standing = [], set[Review]()

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kine2go_warp.cli.texts import say
 from kine2go_warp.dataset.limit_usage import LimitUsage
 from kine2go_warp.dataset.motion import Motion
 from kine2go_warp.errors import Kine2GoError
@@ -74,12 +75,12 @@ class Views:
                 self._renderers[robot] = self._stack.enter_context(RenderProcess(WIDTH, HEIGHT, robot))
             sheet = draw_sheet(self._renderers[robot], motion, index, path)
         except Kine2GoError as error:
-            print(f"no pictures: {error}")
+            say(f"no pictures: {error}")
             self.sheets = None
             return
         if sys.stdout.isatty():
             print(half_blocks(sheet, min(shutil.get_terminal_size().columns, WIDEST)))
-        print(f"  pictures: {path}", flush=True)
+        say(f"  pictures: {path}")
 
 
 @contextmanager
@@ -107,7 +108,7 @@ def shown_in(
             if web:
                 server = WebViewer.start([], port)
                 stack.callback(server.stop)
-                print(f"open {server.url}: it shows the trajectory in question", flush=True)
+                say(f"open {server.url}: it shows the trajectory in question")
                 viewer = FollowingViewer(server.source, meshes)
             else:
                 viewer = FollowingViewer(open_waiting(port), meshes)

@@ -1,7 +1,6 @@
 """How a run is shown: a live table in a terminal, plain lines elsewhere, JSON for other programs."""
 
 import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -12,7 +11,7 @@ from rich.live import Live
 from rich.table import Table
 
 from kine2go_warp.cli.progress import FIRST_TIME_NOTES, PLAIN_INTERVAL
-from kine2go_warp.cli.texts import printable
+from kine2go_warp.cli.texts import printable, say
 from kine2go_warp.pipelines.events import Event, RunObserver
 
 
@@ -109,7 +108,7 @@ def observer_for(as_json: bool) -> LiveTable | PlainLines:
     console = Console(stderr=True)
     if console.is_terminal:
         return LiveTable(console)
-    return PlainLines(lambda line: print(line, file=sys.stderr, flush=True))
+    return PlainLines(lambda line: say(line, error=True))
 
 
 def time_left(event: Event) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kine2go_warp.cli.data import DatasetPath, MotionNames
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -35,7 +36,6 @@ class Score:
     def run(self) -> int:
         """Score, write and draw, and print tables."""
         from kine2go_warp.cli.progress import tracked
-        from kine2go_warp.cli.tables import say
         from kine2go_warp.dataset import open_dataset
         from kine2go_warp.dataset.checked import check_note
         from kine2go_warp.scores.plots import compute_curves, draw

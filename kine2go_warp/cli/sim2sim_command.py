@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import Device, PolicyPath
 from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
+from kine2go_warp.cli.texts import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,13 +73,13 @@ class Sim2Sim:
         path = self.json or policy.path / "sim2sim.json"
         write_comparison(policy, config, found, device, path)
         print_comparisons(policy.path, config, found)
-        print(f"{path}: all metrics with intervals and of every rollout")
+        say(f"{path}: all metrics with intervals and of every rollout")
         return 0
 
 
 def print_comparisons(policy: Path, config: "EvalConfig", found: "Sequence[Comparison]") -> None:
     """Print two lines for each clip, and how far the simulations part."""
-    from kine2go_warp.cli.tables import print_table, say
+    from kine2go_warp.cli.tables import print_table
 
     title = f"{policy}: {config.worlds} rollouts of {config.seconds:g} s from the same initial states"
     print_table(results_table(title, "simulator", [result for one in found for result in (one.newton, one.mujoco)]))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kine2go_warp.cli.run_progress import duration
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.files import atomic_file
 from kine2go_warp.pipelines.job import Job, read_progress
@@ -125,7 +126,7 @@ def print_status(jobs: Sequence[Job], as_json: bool, document: Path | None = Non
         print(json.dumps(values, indent=2))
         return
 
-    from kine2go_warp.cli.tables import print_table, say
+    from kine2go_warp.cli.tables import print_table
 
     who = f", now running: {lock_holder(workspace.root / '.lock')}" if running else ""
     headings = ("motion", *(stage.name for stage in STAGES), *(name.replace("_", " ") for name in METRICS))

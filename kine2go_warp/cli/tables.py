@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from kine2go_warp.cli.texts import command_prefix, printable, sentence
+from kine2go_warp.cli.texts import command_prefix, printable, say
 from kine2go_warp.device import driver_too_old, start_warp
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.motions.catalogue_entry import CatalogueEntry
@@ -101,11 +101,6 @@ def _print_blocks(columns: Sequence[Column], rows: Sequence[tuple[Cell, ...]], o
         for column, cell in zip(columns[1:], row[1:], strict=True):
             if cell.text:
                 output.print(Text(f"  {column.heading}: ").append(cell.text, cell.style), soft_wrap=True)
-
-
-def say(text: str) -> None:
-    """Print a line as it is: no colours for numbers, no markup, no breaks of its own."""
-    console().print(sentence(text), highlight=False, soft_wrap=True, markup=False)
 
 
 def print_summaries(summaries: Sequence["MotionSummary"], dataset: Path, recordings: Path | None = None) -> None:

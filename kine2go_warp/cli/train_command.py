@@ -8,6 +8,7 @@ from pathlib import Path
 from kine2go_warp.benchmark.splits import split_of
 from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import ClipPaths, Device, read_clips
+from kine2go_warp.cli.texts import say
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
@@ -86,14 +87,6 @@ class Train:
 
     def run(self) -> int:
         """Train with a progress bar."""
-        from kine2go_warp.cli.progress import Progress
-        from kine2go_warp.cli.watching import watching
-        from kine2go_warp.device import choose_device, choose_processes, silent_standard_error
-        from kine2go_warp.interruption import StopRequest
-        from kine2go_warp.motions.clip import robot_of
-        from kine2go_warp.training.ranks import Ranks
-        from kine2go_warp.training.train import train
-
         settings = self.settings()
         if self.print_config:
             print(to_toml({"train": to_dictionary(settings)}), end="")
@@ -103,6 +96,15 @@ class Train:
         clips = [clip for clip in read_clips(self.clips) if self.held_out or split_of(clip.name) == "train"]
         if not clips:
             raise PolicyError("all of the clips are held out by the benchmark; name others, or leave out --no-held-out")
+
+        from kine2go_warp.cli.progress import Progress
+        from kine2go_warp.cli.watching import watching
+        from kine2go_warp.device import choose_device, choose_processes, silent_standard_error
+        from kine2go_warp.interruption import StopRequest
+        from kine2go_warp.motions.clip import robot_of
+        from kine2go_warp.training.ranks import Ranks
+        from kine2go_warp.training.train import train
+
         choose_processes(self.processes, settings.env.num_worlds, choose_device(self.device))
         limit_threads()
         name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"
@@ -128,9 +130,9 @@ class Train:
                 progress.note,
                 observer,
             )
-        print(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s, stopped: {record.stop_reason}")
+        say(f"{folder}: {record.iterations} iterations in {record.seconds:.0f} s, stopped: {record.stop_reason}")
         if record.evaluation is not None:
-            print(f"the policy after {record.evaluation.iteration} iterations is kept: {record.evaluation}")
+            say(f"the policy after {record.evaluation.iteration} iterations is kept: {record.evaluation}")
         return 0
 
 

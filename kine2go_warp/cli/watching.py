@@ -1,10 +1,10 @@
 """Where to a training is shown."""
 
-import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def watching(
         sink = FileSink(checked(save))
     elif web:
         server = WebViewer.start([])
-        print(f"open {server.url} while the training runs", flush=True)
+        say(f"open {server.url} while the training runs")
         sink = ViewerSink(server.source)
     else:
         sink = ViewerSink(open_waiting())
@@ -58,9 +58,9 @@ def watching(
         if server is not None:
             server.stop()
         if recording.problem:
-            print(f"kine2go: the training was not watched to its end: {recording.problem}", file=sys.stderr)
+            say(f"kine2go: the training was not watched to its end: {recording.problem}", error=True)
         elif save is not None:
-            print(f"{save}: {save.stat().st_size / 1e6:.1f} MB, written", flush=True)
+            say(f"{save}: {save.stat().st_size / 1e6:.1f} MB, written")
 
 
 def checked(path: Path) -> Path:

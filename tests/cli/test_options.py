@@ -7,8 +7,8 @@ import pytest
 
 from kine2go_warp.cli.main import COMMANDS, find_command, imported, main, parse, report
 from kine2go_warp.cli.options import condensed
-from kine2go_warp.cli.tables import print_table, say
-from kine2go_warp.cli.texts import printable
+from kine2go_warp.cli.tables import print_table
+from kine2go_warp.cli.texts import printable, say
 from kine2go_warp.tables import make_table
 
 WRONG = {

@@ -56,6 +56,11 @@ def with_row(row, value):
         ({"root_position": lambda v: v[:-1]}, "root_orientation has shape"),
         ({"root_position": lambda v: v[:1]}, r"1 frame; a clip needs at least 3"),
         ({"foot_position": lambda v: v + np.array([0.0, 0.0, 50.0])}, "the lowest foot is 50 m over the floor"),
+        ({"stance": lambda v: 7.0 * v}, "stance holds numbers beyond 0 to 1"),
+        ({"body_rests": lambda v: v - 1.0}, "body_rests holds numbers beyond 0 to 1"),
+        ({"robot": 7}, "robot is 7, not a text"),
+        ({"origin": {"licence": ["own"]}}, "origin.licence is .'own'., not a text"),
+        ({"origin": {"start": "0"}}, "origin.start is '0', not a number"),
         ({"cycle": {"x": 0.1, "y": float("inf"), "yaw": 0.0}}, "cycle.y is inf"),
     ],
 )
