@@ -1,8 +1,9 @@
 """The parts of the docs that are written from the code.
 
 ``uv run python docs/make.py`` writes them, between marks in the pages; with ``--check`` it names pages that differ, and
-ends with status 1. What pages show of long commands is compared by tests instead: with the words of the code
-(``tests/test_pages.py``), and, in docs/first-hour.md, with what the commands print.
+ends with status 1. Outputs of commands that take seconds are made, too (``outputs.py``). What pages show of long
+commands is compared by tests instead: with the words of the code (``tests/test_pages.py``), and, in docs/first-hour.md,
+with what the commands print.
 """
 
 import re
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from environment_page import environment_page
+from outputs import with_outputs
 
 from kine2go_warp.dataset.checks import catalogue
 from kine2go_warp.metrics import FILTER_METRICS
@@ -58,6 +60,10 @@ def pages() -> dict[Path, str]:
         made[path], found = MARKED.subn(lambda marks, table=table: f"{marks[1]}{table}{marks[2]}", path.read_text())
         if found != 1:
             raise ValueError(f"{path}: needs one part between '<!-- docs/make.py -->' and '<!-- end -->', has {found}")
+    for path in sorted(DOCS.glob("*.md")):
+        text = made.get(path, path.read_text())
+        if (shown := with_outputs(text)) != text or path in made:
+            made[path] = shown
     return made
 
 

@@ -6,6 +6,7 @@ import runpy
 
 import pytest
 
+from kine2go_warp import __version__
 from tests.conftest import REPOSITORY
 from tests.test_first_hour import FENCE, PAGES
 
@@ -40,6 +41,7 @@ def test_what_is_written_from_the_code_is_what_the_code_says(make, capsys):
 
 
 def test_a_page_that_is_stale_is_named_and_written_anew(make, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(make["pages"].__globals__, "with_outputs", lambda text: text)  # which takes seconds
     for path in make["pages"]():
         (tmp_path / path.name).write_text(path.read_text().replace("0.4", "0.5"))
     monkeypatch.setitem(make["pages"].__globals__, "DOCS", tmp_path)
@@ -47,6 +49,20 @@ def test_a_page_that_is_stale_is_named_and_written_anew(make, tmp_path, monkeypa
     assert "docs/filtering.md: is not what the code says" in capsys.readouterr().out
     assert make["main"]([]) == 0
     assert make["main"](["--check"]) == 0
+
+
+def test_stale_output_is_made_again_and_other_blocks_stay(monkeypatch):
+    monkeypatch.syspath_prepend(str(REPOSITORY / "docs"))
+    from outputs import with_outputs
+
+    block = "```\n$ kine2go --version\nkine2go 0.0.0\n$ kine2go trian\n```\n"
+    page = with_outputs(f"{block}<!-- docs/make.py: output -->\n{block}")
+    kept, _, made = page.partition("<!-- docs/make.py: output -->\n")
+    assert kept == block
+    lines = made.splitlines()
+    assert lines[1:3] == ["$ kine2go --version", f"kine2go {__version__}"]
+    assert lines[4].startswith("kine2go: error: unknown command 'trian'")
+    assert lines[-1] == "```"
 
 
 @pytest.fixture(scope="module")

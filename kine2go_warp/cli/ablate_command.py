@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -22,7 +23,7 @@ class Ablate:
 
     clips: ClipPaths
     """Clips (.npz) made by 'kine2go motion retarget'."""
-    variants: tuple[str, ...] = ()
+    variants: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[VARIANT ...]")] = ()
     """Names of variants; by default all of the file."""
     file: Path = BUNDLED
     """TOML file of variants: preset = NAME, and a section [variants.NAME] of changed settings for each."""

@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
@@ -33,11 +33,11 @@ class Bench:
     """env: the environment with random actions, and plain MuJoCo C on the same model; train: PPO; retarget: all
     motions that are there; gather: rollouts from simulation to dataset; load: random windows of --dataset; sweep: env
     and train with several numbers of worlds, against plain MuJoCo C on all cores."""
-    data: Path | None = None
+    data: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
     """Folder of the source clips; by default the environment variable KINE2GO_DATA, without which the bundled clip
     alone is measured."""
     catalogue: CatalogueFile = None
-    clip: Path | None = None
+    clip: Annotated[Path | None, tyro.conf.arg(metavar="CLIP")] = None
     """Clip that env, train and gather track; by default the bundled one, for which placo is needed."""
     device: Device = None
     num_worlds: int | None = None
@@ -50,7 +50,7 @@ class Bench:
     """Control steps of each measurement of env."""
     rows: int = 571
     """Rows of a rollout of gather."""
-    dataset: Path | None = None
+    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
     """Dataset to load."""
     robot: Robot = DEFAULT_ROBOT
     worlds: tuple[int, ...] = ()

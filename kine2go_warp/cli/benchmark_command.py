@@ -8,7 +8,7 @@ import tyro
 
 from kine2go_warp.benchmark.config import BenchmarkConfig
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import DatasetPath, Device, MotionNames
+from kine2go_warp.cli.data import DatasetPath, Device, MotionNames, check_data
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 
@@ -45,6 +45,8 @@ class Benchmark:
 
         dataset = open_dataset(self.dataset)
         names = dataset.chosen(self.motions)
+        for name in names:
+            check_data(dataset.motion(name))
 
         from kine2go_warp.benchmark.leaderboard import Leaderboard, draw
         from kine2go_warp.benchmark.policies import load_policy

@@ -7,6 +7,7 @@ import tyro
 
 from kine2go_warp.cli.data import (
     CatalogueFile,
+    ChosenMotions,
     DataFolder,
     Device,
     OtherClips,
@@ -35,7 +36,7 @@ class Gather:
 
     policy: PolicyPath
     """Policy folder made by 'kine2go policy train'."""
-    motions: tuple[str, ...] = ()
+    motions: ChosenMotions = ()
     """Which of the clips that the policy tracks; by default all, each as a motion of its own."""
     clips: OtherClips = ()
     out: Path = Path("runs/dataset.zarr")

@@ -41,6 +41,7 @@ CatalogueFile = Annotated[
 ]
 TargetPath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DATASET|CLIP")]
 RecipePath = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECIPE")]
+ChosenMotions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="[MOTION ...]")]
 MotionNames = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[MOTION ...]")]
 
 

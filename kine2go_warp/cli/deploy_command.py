@@ -40,9 +40,9 @@ class Deploy:
     Exit status 1: a limit was exceeded, and the robot damped.
     """
 
-    bundle: Annotated[Path, tyro.conf.Positional]
+    bundle: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="BUNDLE")]
     """Folder made by 'kine2go policy export'."""
-    network: str
+    network: Annotated[str, tyro.conf.arg(metavar="INTERFACE")]
     """Network interface that the robot is at, such as eth0; lo for a simulated one."""
     simulate: bool = False
     """Start a simulated robot at that interface in a process of its own, and print how well it tracked."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, Robot, rate_in_hz
-from kine2go_warp.cli.texts import say
+from kine2go_warp.cli.texts import command_prefix, say
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -76,7 +76,7 @@ class Discover:
         with atomic_file(self.out) as temporary:
             temporary.write_text(text)
         print_found(found)
-        say(f"look at {sheet}, and then: kine2go motion retarget --all --catalogue {self.out}")
+        say(f"look at {sheet}, and then: {command_prefix()}kine2go motion retarget --all --catalogue {self.out}")
         return 0
 
 

@@ -14,6 +14,7 @@ from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import CatalogueError, Kine2GoError
 from kine2go_warp.motions.config import CYCLE_TIMES, LEAST_WAY, RetargetConfig
 from kine2go_warp.robots import DEFAULT_ROBOT
+from kine2go_warp.tables import counted
 
 if TYPE_CHECKING:
     from kine2go_warp.motions.catalogue_entry import CatalogueEntry
@@ -274,7 +275,11 @@ class Sources:
         folder = data_folder(self.data)
         states = [check_file(entry, folder) for entry in entries]
         print_file_states(entries, states)
-        return 2 if any(state.state in ("missing", "damaged") for state in states) else 0
+        lacking = sum(state.state in ("missing", "damaged") for state in states)
+        if lacking:
+            more = "" if folder else "; name the folder of source clips with --data or in KINE2GO_DATA"
+            raise CatalogueError(f"{lacking} of {counted(len(states), 'file')} missing or damaged{more}")
+        return 0
 
     def _fetch(self, entries: "list[CatalogueEntry]") -> None:
         """Print the licences, ask, and download what is missing."""
@@ -297,7 +302,7 @@ class Sources:
             say(f"{licence}: {citation}")
         if wanted and not self.yes and not accepted_by_user():
             raise CatalogueError("nothing fetched, since the licences were not accepted")
-        columns = (TextColumn("{task.description}"), DownloadColumn(), TransferSpeedColumn())
+        columns = (TextColumn("{task.description}", markup=False), DownloadColumn(), TransferSpeedColumn())
         with Progress(*columns, console=output, disable=not output.is_terminal) as progress:
             for file, entry in wanted.items():
                 task = progress.add_task(str(file), total=None)

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from kine2go_warp.cli.data import CatalogueFile, Robot, rate_in_hz
-from kine2go_warp.cli.texts import say
+from kine2go_warp.cli.texts import command_prefix, say
 from kine2go_warp.errors import CatalogueError
 from kine2go_warp.robots import DEFAULT_ROBOT
 
@@ -51,5 +51,6 @@ class NewMotion:
         draw_motion(found.motion, f"{self.file.name}, read as {found.source.name}", picture)
         with atomic_file(table) as temporary:
             temporary.write_text(found.toml(name))
-        say(f"look at {picture}, edit {table}, and then: kine2go motion retarget {name} --catalogue {table}")
+        command = f"{command_prefix()}kine2go motion retarget {name} --catalogue {table}"
+        say(f"look at {picture}, edit {table}, and then: {command}")
         return 0

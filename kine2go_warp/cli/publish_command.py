@@ -30,7 +30,7 @@ class Publish:
 
     dataset: DatasetPath
     """A dataset made by 'kine2go dataset gather' or 'kine2go run'."""
-    to: str
+    to: Annotated[str, tyro.conf.arg(metavar="FOLDER|hf://datasets/USER/NAME")]
     """Folder to create, or hf://datasets/USER/NAME: a private dataset on the Hugging Face Hub, one for each licence."""
     motions: MotionNames = ()
     """Names of motions; by default all."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from kine2go_warp.dataset.motion import Motion
     from kine2go_warp.recordings.meshes import Meshes
 
+Named = Annotated[tuple[str, ...], tyro.conf.arg(metavar="[MOTION[/K] ...]")]
+
 
 @dataclass(frozen=True)
 class Review:
@@ -42,13 +44,13 @@ class Review:
     as far as it can; for machines without a viewer."""
     again: bool = False
     """With --step: also those that have a verdict already."""
-    accept: tuple[str, ...] = ()
+    accept: Named = ()
     """Accept these, MOTION or MOTION/K for one trajectory."""
-    reject: tuple[str, ...] = ()
+    reject: Named = ()
     """Reject these; loading, export and score leave them out. Say --why."""
     accept_rest: bool = False
     """Accept every trajectory that has no verdict."""
-    withdraw: tuple[str, ...] = ()
+    withdraw: Named = ()
     """Take the verdicts on these back, MOTION or MOTION/K."""
     list: bool = False
     """List the verdicts that there are."""

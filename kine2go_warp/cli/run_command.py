@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
 
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import DataFolder, Device, RecipePath, Robot, data_folder
+from kine2go_warp.cli.data import ChosenMotions, DataFolder, Device, RecipePath, Robot, data_folder
 from kine2go_warp.errors import PipelineError
 from kine2go_warp.robots import DEFAULT_ROBOT
 from kine2go_warp.settings import override
@@ -29,7 +31,7 @@ class RecipeOptions:
     out: Path | None = None
     """Folder for the results; by default runs/NAME of the recipe."""
     device: Device = None
-    motions: tuple[str, ...] = ()
+    motions: ChosenMotions = ()
     """Motions, instead of the recipe's: names, or patterns such as 'vhdc_*'."""
     robot: str | None = None
     """Robot, instead of the recipe's: its name, or FILE.py:NAME for one of your own."""
@@ -41,7 +43,7 @@ class RecipeOptions:
     """Rows of a trajectory, instead of the recipe's."""
     seed: int | None = None
     """Seed of training and gathering, instead of the recipe's."""
-    set: tuple[str, ...] = ()
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[KEY=VALUE ...]")] = ()
     """Any other settings, as KEY=VALUE: train.ppo.entropy_coef=0.01 gather.action_noise_scale='[0, 1]'."""
 
     def resolved(self) -> "Recipe":

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from kine2go_warp import __version__
+from kine2go_warp.__main__ import entry_point
 from kine2go_warp.cli.data import DATA_VARIABLE
 from kine2go_warp.cli.main import COMMANDS, GROUPS, OLD_NAMES, main
 from kine2go_warp.errors import explain
@@ -102,6 +103,19 @@ def test_an_interruption_while_a_command_is_imported_is_quiet(capsys, monkeypatc
 
     monkeypatch.setattr("kine2go_warp.cli.main.imported", interrupt)
     assert main(["doctor"]) == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_an_interruption_before_any_command_is_imported_is_quiet(capsys, monkeypatch):
+    class Interrupted:
+        def find_spec(self, *_):
+            raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "kine2go_warp.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
+    with pytest.raises(SystemExit) as end:
+        entry_point()
+    assert end.value.code == 130
     assert capsys.readouterr().err == ""
 
 
@@ -246,6 +260,7 @@ def test_sources_are_listed_and_checked(tmp_path):
     assert checked.returncode == 2
     assert "whole" in checked.stdout
     assert "missing" in checked.stdout
+    assert "1 of 2 files missing or damaged; name the folder of source clips with --data" in checked.stderr
     assert kine2go("sources", "check", "dog_trot", cwd=tmp_path).returncode == 0
 
 

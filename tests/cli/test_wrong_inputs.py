@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.odd_inputs import new
 from tests.cli.wrong_files import Good
-from tests.cli.wrong_inputs import Outcome, drawn, end_of, new, report, warm_up
+from tests.cli.wrong_inputs import Outcome, drawn, end_of, report, warm_up
 
 PROGRAM = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
 SAMPLE = 20

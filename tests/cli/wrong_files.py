@@ -110,7 +110,8 @@ def wrong_policies(good: Good, folder: Path) -> Iterator[tuple[str, Path]]:
     """Yield policy folders that cannot be used, by what is wrong."""
 
     def spoiled(name: str, spoil: Callable[[Path], None]) -> tuple[str, Path]:
-        path = Path(shutil.copytree(good.policy, folder / name.replace(" ", "_")))
+        kept = shutil.ignore_patterns("export")  # which has all that it needs of the policy
+        path = Path(shutil.copytree(good.policy, folder / name.replace(" ", "_"), ignore=kept))
         spoil(path)
         return name, path
 

@@ -20,6 +20,8 @@ from typing import get_args, get_type_hints
 
 from kine2go_warp.cli.main import COMMANDS, imported, main
 from kine2go_warp.metrics import FILTER_METRICS
+from kine2go_warp.motions.catalogue import motion_named
+from tests.cli.odd_inputs import new, odd_inputs
 from tests.cli.wrong_files import (
     Good,
     wrong_catalogues,
@@ -77,11 +79,16 @@ def ways(good: Good) -> dict[str, list[tuple[str, list[str]]]]:
             ("dataset render", ["@", motion, "0", "--out", "a.mp4"]),
             ("dataset export", ["@", "--format", "npz", "--out", "npz"]),
             ("dataset export", ["@", "--format", "lerobot", "--out", "lerobot"]),
+            ("dataset benchmark", ["@", "--policy", str(good.policy)]),
+            ("dataset publish", ["@", "--to", "published", "--no-pictures"]),
             ("bench", ["load", "--dataset", "@"]),
         ],
         "clip": [
             ("policy train", ["@", "--out", "policy"]),
             ("policy ablate", ["@", "--out", "ablation"]),
+            ("policy eval", [str(good.policy), "--clips", "@"]),
+            ("dataset gather", [str(good.policy), "--clips", "@", "--out", "gathered.zarr"]),
+            ("motion export", ["@", "--out", "exported"]),
             ("dataset review", ["@", "--save", "--out", "recordings"]),
         ],
         "policy": [
@@ -89,6 +96,7 @@ def ways(good: Good) -> dict[str, list[tuple[str, list[str]]]]:
             ("policy sim2sim", ["@"]),
             ("policy export", ["@", "--out", "exported"]),
             ("dataset gather", ["@", "--out", "gathered.zarr"]),
+            ("dataset benchmark", [str(good.dataset), "--policy", "@"]),
         ],
         "recipe": [("run", ["@", "--out", "run"]), ("status", ["@", "--out", "run"])],
         "catalogue": [
@@ -128,6 +136,7 @@ FIRST = {
     "policy train": ["CLIP"], "policy eval": ["POLICY"], "policy sim2sim": ["POLICY"], "policy ablate": ["CLIP"],
     "dataset gather": ["POLICY"], "dataset review": ["DATASET", "--save"], "dataset replay": ["DATASET"],
     "dataset render": ["DATASET", "MOTION", "--out", "a.mp4"], "bench": ["retarget"],
+    "dataset benchmark": ["DATASET", "--policy", "POLICY"], "deploy": ["POLICY", "--network", "lo"],
 }  # fmt: skip
 """Commands with numbers for options, and what they need before."""
 
@@ -208,13 +217,11 @@ def word_inputs(good: Good) -> Iterator[WrongInput]:
 
 def drawn(good: Good, folder: Path) -> list[WrongInput]:
     """Return all wrong inputs; the files among them are made in a folder."""
-    return [*file_inputs(good, folder), *number_inputs(good), *word_inputs(good)]
-
-
-def new(folder: Path) -> Path:
-    """Make a folder and return it."""
-    folder.mkdir(parents=True)
-    return folder
+    inputs = [*file_inputs(good, folder), *number_inputs(good), *word_inputs(good)]
+    source = motion_named("dog_trot").path(None)
+    for command, kind, words in odd_inputs(good, source, folder / "odd"):
+        inputs.append(WrongInput(command, kind, (*command.split(), *words)))
+    return inputs
 
 
 class RanOn(BaseException):
