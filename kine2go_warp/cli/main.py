@@ -111,6 +111,8 @@ def reason_of(error: Exception) -> str:
         return str(error)
     if isinstance(error, OSError):
         return explain(error)
+    if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # of pathlib, before Python 3.13
+        return f"{error}; name a file or folder that links lead to"
     if is_out_of_memory(error):
         return "out of memory; try half as many worlds, or for gather half as many --trajectories"
     return ""

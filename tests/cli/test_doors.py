@@ -44,6 +44,16 @@ def test_what_is_not_there_is_named_before_anything_slow_is_imported(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("command", ["dataset score", "dataset render --out a.mp4", "motion cycles", "status"])
+def test_a_link_to_itself_is_one_line(command, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    name, *more = command.split(" --")
+    words = ["dog_trot", "0", *f"--{more[0]}".split()] if more else []
+    assert main([*name.split(), "loop", *words]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 EVIL = "own\x1b]0;title\x07\x1b[31m\u202e [red]x[/y]"
 
 
