@@ -1,6 +1,7 @@
 """Files and folders that appear whole or not at all."""
 
 import contextlib
+import errno
 import fcntl
 import glob
 import hashlib
@@ -33,6 +34,19 @@ def is_running(process: int) -> bool:
     except PermissionError:
         return True
     return True
+
+
+def check_place(path: Path) -> None:
+    """Check that something can be written to a path, before the long work whose result it is.
+
+    Raises:
+        OSError: a part of it is no folder, too long, a link to itself, or may not be written to.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        path.lstat()
+    folder = next(one for one in path.absolute().parents if one.exists())
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
 
 
 @contextlib.contextmanager

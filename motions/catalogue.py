@@ -44,7 +44,10 @@ def load_catalogue(own: Path | None = None) -> dict[str, CatalogueEntry]:
 
 def own_catalogue(own: Path) -> dict[str, CatalogueEntry]:
     """Return the entries of a user's own catalogue alone, by name; errors as of ``load_catalogue``."""
-    found = parse_catalogue(read_toml(own, CatalogueError)[1], str(own), own.resolve().parent)
+    values, text = read_toml(own, CatalogueError)
+    found = parse_catalogue(text, str(own), own.resolve().parent)
+    if not found and not {"source", "collection"} & values.keys():
+        raise CatalogueError(f"{own}: holds no [[motion]] and no [source.NAME]; docs/your-own-motion.md has examples")
     known = bundled_catalogue() | found
     return {name: with_members(entry, known, str(own)) for name, entry in found.items()}
 

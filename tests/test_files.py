@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from kine2go_warp.files import atomic_file, atomic_folder
+from kine2go_warp.files import atomic_file, atomic_folder, check_place
 
 
 def names(folder):
@@ -85,3 +85,18 @@ def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path):
         "data",
         "figures.json",
     }
+
+
+@pytest.mark.parametrize("place", ["file/x/a.json", "loop/a.json", "x" * 300])
+def test_a_place_that_cannot_be_written_is_found_before_the_work(place, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match=r"Not a directory|Too many levels|name too long"):
+        check_place(tmp_path / place)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop"]
+
+
+def test_a_place_that_is_yet_to_be_made_can_be_written(tmp_path):
+    check_place(tmp_path / "new" / "folder" / "a.json")
+    check_place(tmp_path)
+    assert list(tmp_path.iterdir()) == []

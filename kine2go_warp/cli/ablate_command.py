@@ -10,6 +10,7 @@ from kine2go_warp.cli.data import ClipPaths, Device
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.ablation import BUNDLED, AblationConfig
+from kine2go_warp.files import check_place
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Ablate:
             raise Kine2GoError("name at least one clip; 'kine2go motion retarget' makes them")
         clips = [MotionClip.load(path) for path in self.clips]
         if not self.table:
+            check_place(self.out)
             device = choose_device(self.device)
             choose_processes(self.processes, 1, device)
             limit_threads()

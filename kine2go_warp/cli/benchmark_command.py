@@ -11,6 +11,7 @@ from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import DatasetPath, Device, MotionNames, check_data
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
+from kine2go_warp.files import check_place
 
 if TYPE_CHECKING:
     from kine2go_warp.benchmark.leaderboard import Leaderboard
@@ -40,6 +41,7 @@ class Benchmark:
             raise Kine2GoError("name at least one policy, as in --policy clone.onnx")
         if self.leaderboard.is_dir():
             raise Kine2GoError(f"{self.leaderboard}: is a folder; name a file for the results")
+        check_place(self.leaderboard)
 
         from kine2go_warp.dataset import open_dataset
 

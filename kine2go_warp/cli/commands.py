@@ -17,6 +17,7 @@ from kine2go_warp.cli.data import (
 )
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.files import check_place
 from kine2go_warp.rollouts.config import GatherConfig
 
 
@@ -62,6 +63,7 @@ class Gather:
         if others and self.motions:
             raise PolicyError("--clips are others than the policy's own, which --motions names; give one of the two")
         clips = others or policy.chosen_clips(record, self.motions)
+        check_place(self.out)
         limit_threads()
         results = []
         with Progress() as progress:

@@ -12,7 +12,7 @@ from kine2go_warp.cli.data import Device, OtherClips, PolicyPath, read_clips
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.evaluation.config import EvalConfig
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, check_place
 from kine2go_warp.tables import markdown
 
 if TYPE_CHECKING:
@@ -53,6 +53,9 @@ class Eval:
         policy = PolicyFolder(self.policy)
         policy.read_record()
         policy.latest_checkpoint()
+        path = self.json or policy.path / "eval.json"
+        for one in (path, self.markdown or path):
+            check_place(one)
         clips = read_clips(self.clips)
 
         from kine2go_warp.cli.progress import Progress
@@ -66,7 +69,6 @@ class Eval:
         with Progress() as progress:
             progress.stage(policy.path.resolve().name, "eval")
             results = evaluate(policy, self.config, device, progress.advanced, clips)
-        path = self.json or policy.path / "eval.json"
         write_evaluation(policy, self.config, results, device, path)
         pictures = [
             draw_phases(clip, results, path.with_name(f"{path.stem}_{clip}.png"))

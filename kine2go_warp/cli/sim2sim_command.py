@@ -8,6 +8,7 @@ from kine2go_warp.cli.commands import limit_threads
 from kine2go_warp.cli.data import Device, PolicyPath
 from kine2go_warp.cli.eval_command import check_output, print_early_ends, results_table
 from kine2go_warp.cli.texts import say
+from kine2go_warp.files import check_place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,6 +50,8 @@ class Sim2Sim:
         policy = PolicyFolder(self.policy)
         policy.read_record()
         policy.latest_checkpoint()
+        path = self.json or policy.path / "sim2sim.json"
+        check_place(path)
 
         from kine2go_warp.deployment.metadata import read_metadata
 
@@ -70,7 +73,6 @@ class Sim2Sim:
             if self.exported is None and not folder.exists():
                 export_policy(policy, folder)
             found = sim2sim(policy, ExportedPolicy.load(folder), config, device, progress.advanced)
-        path = self.json or policy.path / "sim2sim.json"
         write_comparison(policy, config, found, device, path)
         print_comparisons(policy.path, config, found)
         say(f"{path}: all metrics with intervals and of every rollout")

@@ -11,6 +11,7 @@ from kine2go_warp.cli.data import ClipPaths, Device, read_clips
 from kine2go_warp.cli.texts import say
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
+from kine2go_warp.files import check_place
 from kine2go_warp.learning.presets import FAST, PpoConfig, Preset, base_preset, find_preset
 from kine2go_warp.learning.stopping import StoppingConfig
 from kine2go_warp.settings import from_dictionary, to_dictionary
@@ -96,6 +97,9 @@ class Train:
         clips = [clip for clip in read_clips(self.clips) if self.held_out or split_of(clip.name) == "train"]
         if not clips:
             raise PolicyError("all of the clips are held out by the benchmark; name others, or leave out --no-held-out")
+        name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"
+        folder = self.out or Path("runs/policies") / name
+        check_place(folder)
 
         from kine2go_warp.cli.progress import Progress
         from kine2go_warp.cli.watching import watching
@@ -103,12 +107,12 @@ class Train:
         from kine2go_warp.interruption import StopRequest
         from kine2go_warp.motions.clip import robot_of
         from kine2go_warp.training.ranks import Ranks
-        from kine2go_warp.training.train import train
 
         choose_processes(self.processes, settings.env.num_worlds, choose_device(self.device))
         limit_threads()
-        name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"
-        folder = self.out or Path("runs/policies") / name
+
+        from kine2go_warp.training.train import train
+
         if not Ranks.of_torchrun().is_first:
             with StopRequest("") as stop, silent_standard_error():
                 train(clips, settings, folder, self.device, self.overwrite, None, self.processes, self.strict, stop)
@@ -146,7 +150,9 @@ def default_train(arguments: Sequence[str]) -> Train:
     found = find_preset(FAST.preset if preset is None else preset)
     if config is not None:
         values, text = read_toml(Path(config))
-        section, locate = values.get("train", {}), partial(place_in, text)
+        if "train" not in values:
+            raise PolicyError(f"{config}: has no section [train]")
+        section, locate = values["train"], partial(place_in, text)
         base = found if preset else base_preset(section, config, locate=locate)
         section = {**section, "preset": base.preset} if isinstance(section, dict) else section
         found = from_dictionary(Preset, section, config, locate=lambda key: locate(f"train.{key}"), base=base)

@@ -31,7 +31,6 @@ READERS = [
     ("dataset render", ["{dataset}", "{motion}", "0", "--out", "a.mp4", "--meshes", "@"]),
     ("dataset benchmark", ["@", "--policy", "{policy}"]),
     ("dataset benchmark", ["{dataset}", "--policy", "@"]),
-    ("dataset benchmark", ["{dataset}", "--policy", "{policy}", "--leaderboard", "@"]),
     ("dataset export", ["@", "--format", "npz", "--out", "npz"]),
     ("dataset publish", ["@", "--to", "published"]),
     ("motion retarget", ["--all", "--catalogue", "@", "--out", "clips"]),

@@ -53,6 +53,7 @@ def test_a_preset_of_ones_own_comes_from_a_file(capsys, tmp_path):
         (["--config", "wrong.toml"], "wrong.toml, line 3, [train.env.motor]: unknown key"),
         (["--config", "low.toml"], "low.toml, line 2, [train.ppo]: iterations is -2; it must be from 1 to"),
         (["--config", "none.toml"], "none.toml: no such file"),
+        (["--config", "other.toml"], "other.toml: has no section [train]"),
         (["--iterations", "-2"], "iterations is -2; it must be from 1 to 1,000,000,000"),
         (["--env.motor.stiffness", "nan"], "'nan' is not finite"),
         (["--terrain", "holes"], "'env.terrain.kind' is \"holes\"; allowed are: flat, waves, steps, slopes"),
@@ -63,6 +64,7 @@ def test_wrong_settings_are_refused_in_one_line_that_says_what_is_right(
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "other.toml").write_text("[trian.env]\nseed = 3\n")
     (tmp_path / "wrong.toml").write_text("\n[train.env.motor]\nstifness = 4\n")
     (tmp_path / "low.toml").write_text("[train.ppo]\niterations = -2\n")
     assert main(["train", "--print-config", *arguments]) == 2

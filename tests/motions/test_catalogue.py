@@ -78,3 +78,10 @@ def test_a_file_with_another_checksum_is_remarked_on():
     assert entry.file_remarks(entry.sha256) == ()
     assert entry.file_remarks("0" * 64) == ("dog_trot.txt is not the catalogue's file (its checksum differs)",)
     assert replace(entry, sha256="").file_remarks("0" * 64) == ()
+
+
+def test_a_file_that_holds_no_motion_and_no_source_is_no_catalogue(tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text("")
+    with pytest.raises(CatalogueError, match=r"own\.toml: holds no \[\[motion\]\] and no \[source\.NAME\]"):
+        load_catalogue(own)
