@@ -1,13 +1,13 @@
 """Files and folders that appear whole or not at all."""
 
 import contextlib
-import errno
 import fcntl
 import glob
 import hashlib
 import os
 import platform
 import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,13 +40,16 @@ def check_place(path: Path) -> None:
     """Check that something can be written to a path, before the long work whose result it is.
 
     Raises:
-        OSError: a part of it is no folder, too long, a link to itself, or may not be written to.
+        OSError: a part of it is no folder, too long, or a link to itself, or nothing can be written there.
     """
     with contextlib.suppress(FileNotFoundError):
         path.lstat()
     folder = next(one for one in path.absolute().parents if one.exists())
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from None
 
 
 @contextlib.contextmanager

@@ -39,6 +39,7 @@ class Report:
             f"{path}: {trajectories} of {counted(len(parts), 'motion')}, {path.stat().st_size / 1e6:.2f} MB; "
             "open it in a browser"
         )
-        for note in dict.fromkeys(part.note for part in parts if part.note):
-            say(note)
+        if self.pictures:
+            for note in dict.fromkeys(part.note for part in parts if part.note):
+                say(note)
         return 0

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import zarr
 
+from kine2go_warp.dataset.location import described
 from kine2go_warp.dataset.store import motion_names
 from kine2go_warp.errors import DatasetError
 
@@ -33,7 +34,7 @@ def motion_content(path: Path, motion: str) -> str:
                 digest.update(f"{name} {values.dtype.str} {values.shape} ".encode())
                 digest.update(values.tobytes())
     except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
-        raise DatasetError(f"{path}/{motion}: cannot be read ({error.__class__.__name__})") from None
+        raise DatasetError(f"{path}/{motion}: cannot be read ({described(error)})") from None
     return digest.hexdigest()[:32]
 
 

@@ -118,7 +118,7 @@ class Motion:
             if include_rejected:
                 self.arrays[REASON.name] = replace(REASON, description=_REASON, dtype="str")
         except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
-            raise DatasetError(f"{path}/{name}: cannot be read ({error.__class__.__name__})") from None
+            raise DatasetError(f"{path}/{name}: cannot be read ({described(error)})") from None
 
     @property
     def robot(self) -> RobotSpec:
@@ -312,8 +312,7 @@ class Motion:
         try:
             return np.asarray(self._group[name][what])  # pyright: ignore[reportArgumentType, reportIndexIssue]
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
-            why = described(error) if is_remote(self.path) else error.__class__.__name__
-            raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({why})") from None
+            raise DatasetError(f"{self.path}/{self.name}/{name}: cannot be read ({described(error)})") from None
 
 
 _REASON = "why the rollout was rejected in gathering, an empty text if it was accepted"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kine2go_warp.dataset.checks.block import Block, Settings, is_rows
 from kine2go_warp.dataset.checks.layout import Layout
 from kine2go_warp.dataset.checks.records import Finding
+from kine2go_warp.dataset.location import described
 from kine2go_warp.dataset.schema import observation_labels, reward_labels
 from kine2go_warp.dataset.store import unpacked
 from kine2go_warp.robots import RobotSpec
@@ -57,7 +58,7 @@ class StoredMotion:
         try:
             return np.asarray(self.arrays[name][part])
         except Exception as error:  # noqa: BLE001 - codecs and stores raise errors of many kinds
-            self.unreadable[name] = f"cannot be read ({error.__class__.__name__})"
+            self.unreadable[name] = f"cannot be read ({described(error)})"
             return None
 
     def findings(self) -> list[Finding]:
@@ -75,7 +76,7 @@ class StoredMotion:
                 if not isinstance(member.metadata.attributes, dict):
                     raise TypeError("attributes are no dictionary")
             except Exception as error:  # noqa: BLE001 - damaged metadata raises errors of many kinds
-                self.unreadable[name] = f"its metadata cannot be read ({error.__class__.__name__})"
+                self.unreadable[name] = f"its metadata cannot be read ({described(error)})"
                 continue
             if isinstance(member, zarr.Array):
                 self.arrays[name] = member
