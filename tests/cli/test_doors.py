@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from kine2go_warp.__main__ import entry_point
 from kine2go_warp.cli.main import main
 
 NOTHING_THERE = (
@@ -108,3 +109,25 @@ def test_names_of_stages_drive_no_terminal(capsys, monkeypatch):
     assert "[/y]" in captured.err
     assert "[/z]" in captured.out
     assert "\x07" not in captured.out + captured.err
+
+
+def test_an_interruption_while_a_command_is_imported_is_quiet(capsys, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kine2go_warp.cli.main.imported", interrupt)
+    assert main(["doctor"]) == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_an_interruption_before_any_command_is_imported_is_quiet(capsys, monkeypatch):
+    class Interrupted:
+        def find_spec(self, *_):
+            raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "kine2go_warp.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
+    with pytest.raises(SystemExit) as end:
+        entry_point()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == ""

@@ -13,7 +13,6 @@ import pytest
 import torch
 
 from kine2go_warp import __version__
-from kine2go_warp.__main__ import entry_point
 from kine2go_warp.cli.data import DATA_VARIABLE
 from kine2go_warp.cli.main import COMMANDS, GROUPS, OLD_NAMES, main
 from kine2go_warp.errors import explain
@@ -95,28 +94,6 @@ def test_output_that_nobody_reads_ends_quietly(arguments, tmp_path):
     result = subprocess.run(command, cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writing)
     assert (result.returncode, result.stderr) == (141, "")
-
-
-def test_an_interruption_while_a_command_is_imported_is_quiet(capsys, monkeypatch):
-    def interrupt(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("kine2go_warp.cli.main.imported", interrupt)
-    assert main(["doctor"]) == 130
-    assert capsys.readouterr().err == ""
-
-
-def test_an_interruption_before_any_command_is_imported_is_quiet(capsys, monkeypatch):
-    class Interrupted:
-        def find_spec(self, *_):
-            raise KeyboardInterrupt
-
-    monkeypatch.delitem(sys.modules, "kine2go_warp.cli.main")
-    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
-    with pytest.raises(SystemExit) as end:
-        entry_point()
-    assert end.value.code == 130
-    assert capsys.readouterr().err == ""
 
 
 def test_a_missing_package_is_named_with_its_extra(capsys, monkeypatch, tmp_path):
@@ -360,11 +337,10 @@ def test_an_interruption_ends_with_status_130(monkeypatch, capsys):
 def test_an_unwritable_kernel_cache_is_named_with_the_variable_that_moves_it(clip, tmp_path):
     clip.save(tmp_path / "clip.npz")
     (tmp_path / "file").write_text("no folder")
-    program = [sys.executable, "-c", "from kine2go_warp.cli.main import entry_point; entry_point()"]
     environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path / "file" / "cache")}
     for arguments in ("train clip.npz --out policy", "doctor"):
         result = subprocess.run(
-            [*program, *arguments.split()], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+            [*KINE2GO, *arguments.split()], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
         text = result.stderr if result.returncode == 2 else result.stdout
         assert "WARP_CACHE_PATH" in text
