@@ -4,11 +4,13 @@ import contextlib
 import fcntl
 import glob
 import hashlib
+import json
 import os
 import platform
 import shutil
 import tempfile
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 
@@ -158,6 +160,25 @@ def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[boo
         yield succeeded
     finally:
         os.close(descriptor)
+
+
+@contextlib.contextmanager
+def held(lock: Path) -> Iterator[str]:
+    """Lock a file until the block ends, or the process does; yield in words who else holds it, if anyone does."""
+    with locked(lock) as is_ours:
+        if is_ours:
+            since = datetime.now(UTC).isoformat(timespec="seconds")
+            lock.write_text(json.dumps({"process": os.getpid(), "machine": platform.node(), "since": since}))
+        yield "" if is_ours else lock_holder(lock)
+
+
+def lock_holder(lock: Path) -> str:
+    """Return in words who holds a lock, or held it last."""
+    try:
+        holder = json.loads(lock.read_text())
+        return f"process {holder['process']} on {holder['machine']}, since {holder['since']}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "it does not say which"
 
 
 def moved_aside(path: Path, why: str) -> Path:

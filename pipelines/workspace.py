@@ -1,6 +1,5 @@
 """The folder of a run: what lies where, who may write there, and how results are shown to people."""
 
-import json
 import os
 import platform
 from collections.abc import Iterator
@@ -10,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from kine2go_warp.errors import PipelineError
-from kine2go_warp.files import locked, moved_aside, temporary_sibling
+from kine2go_warp.files import held, locked, moved_aside, temporary_sibling
 
 
 @dataclass(frozen=True)
@@ -92,15 +91,12 @@ class Workspace:
             PipelineError: another run works here.
         """
         self.root.mkdir(parents=True, exist_ok=True)
-        lock = self.root / ".lock"
-        with locked(lock) as is_ours:
-            if not is_ours:
+        with held(self.root / ".lock") as holder:
+            if holder:
                 raise PipelineError(
-                    f"{self.root}: another run works here ({lock_holder(lock)}); wait for it, "
+                    f"{self.root}: another run works here ({holder}); wait for it, "
                     "look at it with 'kine2go status', or choose another folder with --out"
                 )
-            since = datetime.now(UTC).isoformat(timespec="seconds")
-            lock.write_text(json.dumps({"process": os.getpid(), "machine": platform.node(), "since": since}))
             yield
 
 
@@ -120,15 +116,6 @@ class MotionLog:
         except OSError:
             # The reason of a failure, such as a full disk, matters more than its log.
             return
-
-
-def lock_holder(lock: Path) -> str:
-    """Return in words who holds the lock of a workspace."""
-    try:
-        holder = json.loads(lock.read_text())
-        return f"process {holder['process']} on {holder['machine']}, since {holder['since']}"
-    except (OSError, ValueError, KeyError, TypeError):
-        return "it does not say which"
 
 
 def is_locked(root: Path) -> bool:

@@ -9,11 +9,11 @@ from typing import Any
 from kine2go_warp.cli.run_progress import duration
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, lock_holder
 from kine2go_warp.pipelines.job import Job, read_progress
 from kine2go_warp.pipelines.plan import StagePlan, plan
 from kine2go_warp.pipelines.stages import STAGES
-from kine2go_warp.pipelines.workspace import Workspace, is_locked, lock_holder
+from kine2go_warp.pipelines.workspace import Workspace, is_locked
 from kine2go_warp.tables import Cell, make_table, markdown
 
 METRICS = {

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.codecs import ZstdCodec
 
 from kine2go_warp import __version__
 from kine2go_warp.dataset.root_index import consolidate, write_index
@@ -29,6 +28,7 @@ from kine2go_warp.dataset.schema import (
     observation_labels,
     reward_labels,
 )
+from kine2go_warp.dataset.shards import COMPRESSOR, SHARD_TRAJECTORIES, RowArray, write_row_arrays
 from kine2go_warp.dataset.staging import StagingArea
 from kine2go_warp.dataset.store import check_version, motion_folders, packed, unpacked
 from kine2go_warp.dataset.trajectories import Rollouts, padded
@@ -36,9 +36,6 @@ from kine2go_warp.errors import DatasetError
 from kine2go_warp.files import flush_folder, link_or_copy, same_bytes
 from kine2go_warp.revision import revision
 from kine2go_warp.robots import RobotSpec
-
-SHARD_TRAJECTORIES = 64
-"""Most trajectories in one file of an array, and so in memory while it is written."""
 
 
 @dataclass(frozen=True)
@@ -230,11 +227,11 @@ class DatasetWriter:
             ArraySpec("trajectory", ("trajectory",), "1", "number of the trajectory", "int32"),
             np.arange(trajectories.num_trajectories),
         )
-        write_rollouts(group, trajectories)
+        write_rollouts(group, folder, trajectories)
         for name, arrays in SUB_GROUPS.items():
             write_members(group.create_group(name), arrays, trajectories.groups[name])
         if rejected is not None and rejected.rollouts.num_trajectories:
-            write_rejected(group.create_group(REJECTED), rejected)
+            write_rejected(group.create_group(REJECTED), folder / REJECTED, rejected)
         consolidate(folder)
 
 
@@ -247,17 +244,20 @@ class RejectedRollouts:
     """Why, one text a rollout."""
 
 
-def write_rollouts(group: zarr.Group, rollouts: Rollouts, dimension: str = "trajectory") -> None:
-    """Write rows and draws of rollouts, one shard of rollouts at a time."""
-    optional = tuple(array for array in OPTIONAL_ROW_ARRAYS if array.name in rollouts.names)
+def write_rollouts(group: zarr.Group, folder: Path, rollouts: Rollouts, dimension: str = "trajectory") -> None:
+    """Write rows and draws of rollouts into a group, whose files are in ``folder``."""
+    count, lengths = rollouts.num_trajectories, rollouts.draws["length"]
+    optional = (array for array in OPTIONAL_ROW_ARRAYS if array.name in rollouts.names)
+    arrays = []
     for array in (*ROW_ARRAYS, *optional):
-        array = along(array, dimension)  # noqa: PLW2901
-        count, sample = rollouts.num_trajectories, rollouts.read_rows(array.name, 0, 1)
-        target = create_array(group, array, (count, *sample.shape[1:]), np.dtype(array.dtype))
-        for first in range(0, count, SHARD_TRAJECTORIES):
-            last = min(first + SHARD_TRAJECTORIES, count)
-            lengths = rollouts.draws["length"][first:last]
-            target[first:last] = padded(rollouts.read_rows(array.name, first, last), lengths)
+        shape = (count, *rollouts.read_rows(array.name, 0, 1).shape[1:])
+
+        def read(first: int, last: int, name: str = array.name) -> NDArray[Any]:
+            return padded(rollouts.read_rows(name, first, last), lengths[first:last])
+
+        target = create_array(group, along(array, dimension), shape, np.dtype(array.dtype))
+        arrays.append(RowArray(target, folder / array.name, read))
+    write_row_arrays(arrays)
     write_members(group, (along(array, dimension) for array in TRAJECTORY_ARRAYS), rollouts.draws)
 
 
@@ -267,9 +267,9 @@ def write_members(group: zarr.Group, arrays: Iterable[ArraySpec], values: Mappin
         write_array(group, array, values[array.name])
 
 
-def write_rejected(group: zarr.Group, rejected: RejectedRollouts) -> None:
+def write_rejected(group: zarr.Group, folder: Path, rejected: RejectedRollouts) -> None:
     """Write rollouts that were rejected, with the reasons, along a dimension of their own."""
-    write_rollouts(group, rejected.rollouts, REJECTED)
+    write_rollouts(group, folder, rejected.rollouts, REJECTED)
     for name, arrays in SUB_GROUPS.items():
         members = tuple(along(array, REJECTED) for array in arrays)
         write_members(group.create_group(name), members, rejected.rollouts.groups[name])
@@ -298,7 +298,7 @@ def create_array(group: zarr.Group, array: ArraySpec, shape: tuple[int, ...], dt
         dtype=dtype,
         chunks=(1, *shape[1:]) if is_rows else shape,
         shards=(min(shape[0], SHARD_TRAJECTORIES), *shape[1:]) if is_rows else None,
-        compressors=ZstdCodec(level=3, checksum=True),
+        compressors=COMPRESSOR,
         fill_value=np.nan if dtype.kind == "f" else 0,
         dimension_names=array.dims,
         attributes={"units": array.unit, "description": array.description},

@@ -1,8 +1,9 @@
 """The folder of a policy: checkpoints, the clips that it tracks, and how it was trained."""
 
+import contextlib
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from kine2go_warp import __version__
 from kine2go_warp.env.terms.terminations import with_limits
 from kine2go_warp.errors import PolicyError
-from kine2go_warp.files import atomic_file
+from kine2go_warp.files import atomic_file, held
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.stopping import TARGETS, Evaluation, stored_evaluation
 from kine2go_warp.motions.clip import MotionClip
@@ -19,6 +20,9 @@ from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
 FORMAT_VERSION = 2
+
+LOCK = ".lock"
+"""File in the folder that a training holds."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,21 @@ class PolicyFolder:
     def exists(self) -> bool:
         """Whether training has begun here."""
         return self.record_file.is_file()
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other trainings out of the folder, which is made if it is not there.
+
+        Raises:
+            PolicyError: another process trains here.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        with held(self.path / LOCK) as holder:
+            if holder:
+                raise PolicyError(
+                    f"{self.path}: another training writes here ({holder}); wait for it, or choose another folder"
+                )
+            yield
 
     def write_record(self, record: PolicyRecord) -> None:
         """Write ``policy.json``, with the table of what the policy observes."""

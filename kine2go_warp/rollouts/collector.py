@@ -2,6 +2,7 @@
 
 import shutil
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -23,15 +24,16 @@ from kine2go_warp.env.terrain import terrain_extent
 from kine2go_warp.learning.inference import NoisyPolicy
 from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
 from kine2go_warp.learning.vec_env import ImitationVecEnv, share_stream
+from kine2go_warp.machine import in_threads
 from kine2go_warp.motions.clip import MotionClip
 from kine2go_warp.rollouts.config import GatherConfig, ProgressCallback
 from kine2go_warp.rollouts.diversity import variations
-from kine2go_warp.rollouts.quality import FilterResult, filter_rollouts
+from kine2go_warp.rollouts.quality import FILTER_NEEDS, FilterResult, filter_rollouts
 from kine2go_warp.rollouts.rollout import RecordedRollouts, roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 
-FILTERED_AT_ONCE = 64
-"""Rollouts in memory while they are filtered."""
+FILTERED_AT_ONCE = 16
+"""Rollouts that a thread has in memory while it filters them."""
 
 
 @dataclass(frozen=True)
@@ -309,13 +311,17 @@ class RolloutCollector:
 
     def _filter(self, recorded: RecordedRollouts, recovery: NDArray[np.bool_]) -> FilterResult:
         """Filter a batch, a few rollouts at a time."""
-        parts, frame_duration = [], self.environment.config.control_duration
-        for first in range(0, len(recorded.length), FILTERED_AT_ONCE):
-            worlds = np.arange(first, min(first + FILTERED_AT_ONCE, len(recorded.length)))
-            rows, failures = recorded.rows(worlds), recorded.failure[worlds]
-            parts.append(
-                filter_rollouts(rows, failures, self.config, frame_duration, self.environment.spec, recovery[worlds])
-            )
+        frame_duration, count = self.environment.config.control_duration, len(recorded.length)
+
+        def filtered(first: int) -> FilterResult:
+            worlds = np.arange(first, min(first + FILTERED_AT_ONCE, count))
+            rows = {name: recorded.read(name, worlds) for name in FILTER_NEEDS}
+            failures, recovers = recorded.failure[worlds], recovery[worlds]
+            return filter_rollouts(rows, failures, self.config, frame_duration, self.environment.spec, recovers)
+
+        with warnings.catch_warnings():
+            # Threads that silence warnings put back what they found, in any order.
+            parts = list(in_threads(filtered, range(0, count, FILTERED_AT_ONCE)))
         quality = {name: np.concatenate([part.quality[name] for part in parts]) for name in parts[0].quality}
         return FilterResult(tuple(reason for part in parts for reason in part.reasons), quality)
 

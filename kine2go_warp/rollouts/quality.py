@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kine2go_warp.dataset.quality import rollout_quality, settled_quality
+from kine2go_warp.dataset.quality import QUALITY_NEEDS, rollout_quality, settled_quality
 from kine2go_warp.dataset.schema import QUALITY_ARRAYS
 from kine2go_warp.metrics import FILTER_METRICS, Rows
 from kine2go_warp.robots import RobotSpec
 from kine2go_warp.rollouts.config import GatherConfig
+
+FILTER_NEEDS = (*QUALITY_NEEDS, "push")
+"""Row arrays that the filter looks at."""
 
 BORDERLINE = 0.8
 """A rollout one of whose metrics exceeds this share of its limit is worth a look."""

@@ -17,8 +17,14 @@ from kine2go_warp.kernels.reference import sample_reference
 from kine2go_warp.metrics import CONTACT_FORCE
 from kine2go_warp.rollouts.row_writer import RowStore
 
-ROWS_ON_DEVICE = 128
-"""Rows buffered on the device before they are given to the writer."""
+MOST_ROWS_ON_DEVICE = 128
+"""Rows buffered on the device before they are given to the writer, of few worlds."""
+
+BYTES_ON_DEVICE = 64_000_000
+"""About what is buffered of many worlds. A few such blocks wait for the disk in the host's page-locked memory."""
+
+BYTES_OF_ROW = 1000
+"""About what a row of a world takes."""
 
 LOADS = {
     "applied_target": "applied_target",
@@ -60,6 +66,7 @@ class RolloutRecorder:
         default = environment.spec.default_joint_position
         self._default = torch.tensor(default, device=str(wp.device_to_torch(environment.device)))
         self._buffers: dict[str, torch.Tensor] = {}
+        self._capacity = rows_on_device(environment.num_worlds)
         self._filled = 0
 
     def record_state(self, mean_action: torch.Tensor, observation: torch.Tensor | None = None) -> None:
@@ -115,7 +122,7 @@ class RolloutRecorder:
             self._store(name, view)
         self._store("action", self._normalised(self._action_views["joint_target"]))
         self._filled += 1
-        if self._filled == ROWS_ON_DEVICE:
+        if self._filled == self._capacity:
             self._submit()
 
     def finish(self) -> None:
@@ -178,7 +185,7 @@ class RolloutRecorder:
     def _store(self, name: str, value: torch.Tensor) -> None:
         """Copy one value into the present row of its buffer."""
         if name not in self._buffers:
-            shape = (ROWS_ON_DEVICE, *value.shape)
+            shape = (self._capacity, *value.shape)
             self._buffers[name] = torch.empty(shape, dtype=value.dtype, device=value.device)
         self._buffers[name][self._filled].copy_(value)
 
@@ -195,3 +202,8 @@ class RolloutRecorder:
             ready.record()
         self.writer.submit(blocks, ready)
         self._filled = 0
+
+
+def rows_on_device(num_worlds: int) -> int:
+    """Return how many rows of all worlds are buffered before they are given to the writer."""
+    return max(1, min(MOST_ROWS_ON_DEVICE, BYTES_ON_DEVICE // (BYTES_OF_ROW * num_worlds)))

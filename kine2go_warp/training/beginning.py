@@ -8,7 +8,7 @@ from typing import Any
 from kine2go_warp.errors import PolicyError
 from kine2go_warp.files import moved_aside, remove_leftovers
 from kine2go_warp.learning.checkpoint import OTHER_RANKS, load_checkpoint
-from kine2go_warp.learning.policy import PolicyFolder, PolicyRecord
+from kine2go_warp.learning.policy import LOCK, PolicyFolder, PolicyRecord
 from kine2go_warp.learning.presets import PpoConfig, Preset
 from kine2go_warp.motions.clip import MotionClip, robot_of
 
@@ -70,7 +70,7 @@ def begin(
     """Prepare a policy folder, and find out where its training continues.
 
     Args:
-        policy: The folder.
+        policy: The folder, which no other process writes to (``PolicyFolder.alone``).
         clips: The clips to track.
         preset: Settings.
         fingerprint: Hash of clips and settings.
@@ -94,8 +94,10 @@ def begin(
             raise PolicyError(f"{folder}: holds a policy of {of}; choose another folder or pass --overwrite")
         if policy.exists or policy.checkpoints():
             # Hours of training are not for deleting.
-            moved_aside(folder, known.fingerprint if known is not None else "unreadable")
-        folder.mkdir(parents=True, exist_ok=True)
+            aside = moved_aside(folder, known.fingerprint if known is not None else "unreadable")
+            folder.mkdir()
+            # It is locked by this process, and stays so.
+            (aside / LOCK).rename(folder / LOCK)
         known, record = None, PolicyRecord(preset, (), fingerprint, 0, 0.0, robot=robot)
     remove_leftovers(folder)
     start = resume_point(policy, preset.ppo.iterations, on_note)

@@ -116,8 +116,8 @@ def train(
         observer: Receives some worlds and the curves. It changes no result.
 
     Raises:
-        PolicyError: the folder holds another policy and ``overwrite`` is not given, two clips have the same name, or
-            the processes that torchrun has started cannot share the training.
+        PolicyError: the folder holds another policy and ``overwrite`` is not given, another process trains in it, two
+            clips have the same name, or the processes that torchrun has started cannot share the training.
         ClipError: the clips are for different robots.
         TrainingDiverged: it diverged again after the restart.
         TrainingInterrupted: ``should_stop`` said so; the same call continues.
@@ -133,8 +133,13 @@ def train(
         raise PolicyError("processes that torchrun has started take neither --processes nor --strict; leave them out")
     choose_processes(processes, preset.env.num_worlds, device)
     fingerprint, policy = training_fingerprint(clips, preset), PolicyFolder(folder)
-    with ranks.connected(device):
-        begun = ranks.first_decides(lambda: begin(policy, clips, preset, fingerprint, overwrite, on_note))
+    with ranks.connected(device), contextlib.ExitStack() as until_the_end:
+
+        def beginning() -> Beginning:
+            until_the_end.enter_context(policy.alone())
+            return begin(policy, clips, preset, fingerprint, overwrite, on_note)
+
+        begun = ranks.first_decides(beginning)
         if begun.is_finished:
             return begun.record
         if begun.start is not None:

@@ -14,7 +14,7 @@ from kine2go_warp.env.config import ActionConfig
 from kine2go_warp.env.environment import ImitationEnvironment
 from kine2go_warp.learning.vec_env import ImitationVecEnv
 from kine2go_warp.robots import GO2
-from kine2go_warp.rollouts.recorder import RolloutRecorder
+from kine2go_warp.rollouts.recorder import BYTES_OF_ROW, BYTES_ON_DEVICE, RolloutRecorder, rows_on_device
 from kine2go_warp.rollouts.rollout import roll_out
 from kine2go_warp.rollouts.row_writer import AsyncRowWriter
 from tests.waiting import no_waits
@@ -69,3 +69,20 @@ def test_recording_rows_reads_nothing_from_the_device(clip, small_config):
             recorder.record_state(mean)
             environment.step()
             recorder.record_action()
+
+
+@pytest.mark.parametrize(("worlds", "rows"), [(1, 128), (20, 128), (4096, 15), (8192, 7), (200_000, 1)])
+def test_many_worlds_are_handed_over_in_smaller_blocks(worlds, rows):
+    assert rows_on_device(worlds) == rows
+    assert rows == 1 or rows * worlds * BYTES_OF_ROW <= BYTES_ON_DEVICE
+
+
+def test_a_row_takes_about_what_blocks_are_planned_by(clip, small_config):
+    environment = ImitationEnvironment([clip], replace(small_config, num_worlds=WORLDS), "cpu", record_loads=True)
+    taken = []
+    recorder = RolloutRecorder(environment, SimpleNamespace(submit=lambda blocks, _: taken.append(blocks)))
+    recorder.record_state(torch.zeros(WORLDS, 12))
+    recorder.record_action()
+    recorder.finish()
+    row = sum(block.nbytes for block in taken[0].values()) / WORLDS
+    assert 0.8 * BYTES_OF_ROW < row < 1.2 * BYTES_OF_ROW

@@ -1,4 +1,5 @@
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -231,3 +232,18 @@ def test_an_initial_policy_that_does_not_fit_is_refused(policy, clip, tmp_path, 
     preset = TINY.override({"initial_policy": str(policy.path), **settings})
     with pytest.raises(PolicyError, match=message):
         train([clip], preset, tmp_path / "tuned", "cpu")
+
+
+def test_a_second_training_in_the_same_folder_is_refused(clip, tmp_path):
+    policy, second = PolicyFolder(tmp_path / "policy"), TINY.override({"env.seed": 1})
+    with policy.alone(), pytest.raises(PolicyError, match=f"another training writes here .process {os.getpid()} on "):
+        train([clip], TINY, policy.path, "cpu")
+    assert not policy.exists
+    train([clip], TINY, policy.path, "cpu", on_progress=lambda _: refused(clip, second, policy.path))
+    train([clip], second, policy.path, "cpu", overwrite=True, on_progress=lambda _: refused(clip, TINY, policy.path))
+    assert policy.read_record().preset == second.on("cpu")
+
+
+def refused(clip, preset, folder):
+    with pytest.raises(PolicyError, match="another training writes here"):
+        train([clip], preset, folder, "cpu", overwrite=True)
