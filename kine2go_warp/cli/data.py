@@ -27,7 +27,8 @@ OtherClips = Annotated[
     ),
 ]
 Device = Annotated[
-    str | None, tyro.conf.arg(metavar="{cpu,cuda}", help="Where to simulate; by default cuda where there is one.")
+    str | None,
+    tyro.conf.arg(metavar="{cpu,cuda,cuda:1}", help="Where to simulate; by default cuda where there is one."),
 ]
 DataFolder = Annotated[
     Path | None,

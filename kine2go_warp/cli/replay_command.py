@@ -31,7 +31,7 @@ class Replay:
     """How many trajectories of each motion."""
     engine: Literal["newton", "mujoco"] = "newton"
     """newton repeats bit for bit on the CPU what was gathered there; mujoco tells how far plain MuJoCo agrees."""
-    device: Annotated[str | None, tyro.conf.arg(metavar="{cpu,cuda}")] = None
+    device: Annotated[str | None, tyro.conf.arg(metavar="{cpu,cuda,cuda:1}")] = None
     """Where Newton simulates; by default where the motion was gathered."""
 
     def run(self) -> int:
