@@ -23,7 +23,7 @@ MOST_ROWS_ON_DEVICE = 128
 BYTES_ON_DEVICE = 64_000_000
 """About what is buffered of many worlds. A few such blocks wait for the disk in the host's page-locked memory."""
 
-BYTES_OF_ROW = 1000
+BYTES_OF_ROW = 2000
 """About what a row of a world takes."""
 
 LOADS = {
