@@ -47,8 +47,7 @@ class Settings:
     """Learn from the motions that the benchmark holds out, too; results on them say nothing of new motions then."""
     offline_rl: bool = False
     """Learn by implicit Q-learning from actions and rewards, too; takes d3rlpy ('uv run --with d3rlpy python ...')."""
-    rl_batches: int = 10000
-    batches: int = 2000
+    batches: int = 10000
     batch_size: int = 512
     hidden_layers: tuple[int, ...] = (256, 256)
     seed: int = 1
@@ -199,7 +198,7 @@ class OfflineRl(Normalised):
         rewards, begins = data.reward[:, None].numpy(), torch.nonzero(~data.last).flatten().numpy()
         alike = {"terminals": np.zeros((settings.batch_size, 1), np.float32), "transitions": ()}
         alike["intervals"] = np.ones((settings.batch_size, 1), np.float32)
-        for _ in track(range(settings.rl_batches), "offline RL", transient=True, disable=not sys.stdout.isatty()):
+        for _ in track(range(settings.batches), "offline RL", transient=True, disable=not sys.stdout.isatty()):
             now = begins[torch.randint(len(begins), (settings.batch_size,)).numpy()]
             of_now = {"observations": seen[now], "actions": actions[now], "rewards": rewards[now]}
             of_next = {"next_observations": seen[now + 1], "next_actions": actions[now + 1]}

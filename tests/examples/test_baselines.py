@@ -45,7 +45,7 @@ def test_both_are_written_and_run_by_the_benchmark(clean_dataset, tmp_path, caps
 
 def test_offline_rl_becomes_such_a_file_too(clean_dataset, tmp_path):
     pytest.importorskip("d3rlpy", reason="uv run --with d3rlpy pytest tests/examples/test_baselines.py")
-    tiny = ["--batches", "3", "--rl-batches", "40", "--batch-size", "64", "--hidden-layers", "32"]
+    tiny = ["--batches", "40", "--batch-size", "64", "--hidden-layers", "32"]
     assert main([str(clean_dataset), "--held-out", "--offline-rl", *tiny, "--out", str(tmp_path)]) == 0
     data = recorded(open_dataset(clean_dataset), held_out=True)
     session = onnxruntime.InferenceSession(str(tmp_path / "offline_rl.onnx"))
