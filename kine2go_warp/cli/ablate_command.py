@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from kine2go_warp.cli.data import ClipPaths, Device
+from kine2go_warp.cli.data import ClipPaths, Device, read_named_clips
 from kine2go_warp.cli.texts import say
 from kine2go_warp.errors import Kine2GoError
 from kine2go_warp.evaluation.ablation import BUNDLED, AblationConfig
@@ -44,12 +44,9 @@ class Ablate:
         from kine2go_warp.device import choose_device, choose_processes
         from kine2go_warp.evaluation.ablation import RESULT_FILE, ablation_table, load_variants, run_trial, trials
         from kine2go_warp.interruption import StopRequest
-        from kine2go_warp.motions.clip import MotionClip
 
         variants = load_variants(self.file, self.variants)
-        if not self.clips:
-            raise Kine2GoError("name at least one clip; 'kine2go motion retarget' makes them")
-        clips = [MotionClip.load(path) for path in self.clips]
+        clips = read_named_clips(self.clips)
         if not self.table:
             check_place(self.out)
             device = choose_device(self.device)

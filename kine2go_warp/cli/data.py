@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from kine2go_warp.errors import CatalogueError, Kine2GoError
+from kine2go_warp.errors import CatalogueError, ClipError, Kine2GoError
 from kine2go_warp.motions.keypoints import RATES
 
 if TYPE_CHECKING:
@@ -62,11 +62,28 @@ def read_clips(paths: Sequence[Path]) -> "list[MotionClip]":
     """Read clips.
 
     Raises:
-        ClipError: one cannot be read.
+        ClipError: one cannot be read, or two have the same name.
     """
     from kine2go_warp.motions.clip import MotionClip
 
-    return [MotionClip.load(path) for path in paths]
+    read: dict[str, MotionClip] = {}
+    for path in paths:
+        clip = MotionClip.load(path)
+        if clip.name in read:
+            raise ClipError(f"{path}: another clip is named '{clip.name}', too; name each once")
+        read[clip.name] = clip
+    return list(read.values())
+
+
+def read_named_clips(paths: Sequence[Path]) -> "list[MotionClip]":
+    """Read clips as ``read_clips`` does, at least one.
+
+    Raises:
+        ClipError: none is named, one cannot be read, or two have the same name.
+    """
+    if not paths:
+        raise ClipError("name at least one clip; 'kine2go motion retarget' makes them")
+    return read_clips(paths)
 
 
 def check_data(motion: "Motion") -> None:

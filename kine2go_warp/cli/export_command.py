@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from kine2go_warp.cli.data import ClipPaths, DatasetPath, MotionNames
+from kine2go_warp.cli.data import ClipPaths, DatasetPath, MotionNames, read_named_clips
 from kine2go_warp.cli.texts import say
 
 MOTION_FORMAT_NAMES = "mjlab,mimickit,amp,humanoidverse,protomotions,unitree"
@@ -75,10 +75,9 @@ class ExportClips:
     def run(self) -> int:
         """Write the files and say where they are."""
         from kine2go_warp.exports.clips import export_clips
-        from kine2go_warp.motions.clip import MotionClip
         from kine2go_warp.tables import counted
 
-        clips = [MotionClip.load(path) for path in self.clips]
+        clips = read_named_clips(self.clips)
         export_clips(clips, self.format, self.out, self.overwrite)
         say(f"{self.out}: {counted(len(clips), 'clip')} for {self.format}; whose they are: {self.out / 'README.md'}")
         return 0

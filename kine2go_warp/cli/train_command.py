@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kine2go_warp.benchmark.splits import split_of
 from kine2go_warp.cli.commands import limit_threads
-from kine2go_warp.cli.data import ClipPaths, Device, read_clips
+from kine2go_warp.cli.data import ClipPaths, Device, read_named_clips
 from kine2go_warp.cli.texts import say
 from kine2go_warp.env.config import EnvConfig
 from kine2go_warp.errors import PolicyError
@@ -92,9 +92,7 @@ class Train:
         if self.print_config:
             print(to_toml({"train": to_dictionary(settings)}), end="")
             return 0
-        if not self.clips:
-            raise PolicyError("name at least one clip; 'kine2go motion retarget' makes them")
-        clips = [clip for clip in read_clips(self.clips) if self.held_out or split_of(clip.name) == "train"]
+        clips = [clip for clip in read_named_clips(self.clips) if self.held_out or split_of(clip.name) == "train"]
         if not clips:
             raise PolicyError("all of the clips are held out by the benchmark; name others, or leave out --no-held-out")
         name = "+".join(clip.name for clip in clips) if len(clips) <= NAMED_CLIPS else f"{len(clips)}_clips"

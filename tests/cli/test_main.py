@@ -134,6 +134,11 @@ BAD_INPUT = {
     "missing clip": ("train clip.npz", "no such clip"),
     "no clip": ("train", "name at least one clip"),
     "ablation of a missing clip": ("ablate clip.npz", "no such clip"),
+    "export of no clip": ("motion export --out here", "name at least one clip"),
+    "ablation of one clip twice": (
+        f"ablate {COMMITTED_CLIP} {COMMITTED_CLIP}",
+        "is named 'dog_trot', too",
+    ),
     "ablation of no clip": ("ablate", "name at least one clip"),
     "an unknown variant": ("ablate clip.npz --variants luck", "unknown variant 'luck'; known are: fast, default_pose"),
     "ablation of no seeds": ("ablate clip.npz --seeds 0", "seeds"),
