@@ -70,7 +70,7 @@ def read_clips(paths: Sequence[Path]) -> "list[MotionClip]":
     for path in paths:
         clip = MotionClip.load(path)
         if clip.name in read:
-            raise ClipError(f"{path}: another clip is named '{clip.name}', too; name each once")
+            raise ClipError(f"{path}: two clips are named '{clip.name}'; name each once, or rename one")
         read[clip.name] = clip
     return list(read.values())
 

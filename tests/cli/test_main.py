@@ -137,7 +137,7 @@ BAD_INPUT = {
     "export of no clip": ("motion export --out here", "name at least one clip"),
     "ablation of one clip twice": (
         f"ablate {COMMITTED_CLIP} {COMMITTED_CLIP}",
-        "is named 'dog_trot', too",
+        "two clips are named 'dog_trot'",
     ),
     "ablation of no clip": ("ablate", "name at least one clip"),
     "an unknown variant": ("ablate clip.npz --variants luck", "unknown variant 'luck'; known are: fast, default_pose"),
