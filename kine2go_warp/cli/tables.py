@@ -168,7 +168,7 @@ def print_replays(results: "Sequence[tuple[str, str, list[ReplayResult]]]", engi
         for one in found:
             same = "all" if one.first_difference is None else f"before row {one.first_difference}"
             differences = (
-                f"{1e3 * root:.3g} / {1e3 * joint:.3g}"
+                known(f"{1e3 * root:.3g} / {1e3 * joint:.3g}")
                 for root, joint in zip(one.root_difference, one.joint_difference, strict=True)
             )
             rows.append((motion, device, str(one.trajectory), str(one.num_rows), same, *differences))
