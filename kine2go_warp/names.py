@@ -1,6 +1,7 @@
 """Names that become files, folders and groups of a dataset."""
 
 import re
+from collections.abc import Sequence
 
 from kine2go_warp.errors import Kine2GoError
 
@@ -23,3 +24,13 @@ def check_name(name: object, where: object, kind: type[Kine2GoError]) -> None:
         )
     if RESERVED.fullmatch(name):
         raise kind(f"{where}: {name!r} is a name that other files have; choose another one for the motion")
+
+
+def check_distinct(names: Sequence[str], kind: type[Kine2GoError]) -> None:
+    """Refuse clips of one name, which would be written to one place.
+
+    Raises:
+        Kine2GoError: of the kind given.
+    """
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise kind(f"two clips are named '{twice}'; name each once, or give one of them another name")

@@ -9,6 +9,7 @@ import tyro
 
 from kine2go_warp.errors import CatalogueError, ClipError, Kine2GoError
 from kine2go_warp.motions.keypoints import RATES
+from kine2go_warp.names import check_distinct
 
 if TYPE_CHECKING:
     from kine2go_warp.dataset.motion import Motion
@@ -66,13 +67,9 @@ def read_clips(paths: Sequence[Path]) -> "list[MotionClip]":
     """
     from kine2go_warp.motions.clip import MotionClip
 
-    read: dict[str, MotionClip] = {}
-    for path in paths:
-        clip = MotionClip.load(path)
-        if clip.name in read:
-            raise ClipError(f"{path}: two clips are named '{clip.name}'; name each once, or rename one")
-        read[clip.name] = clip
-    return list(read.values())
+    clips = [MotionClip.load(path) for path in paths]
+    check_distinct([clip.name for clip in clips], ClipError)
+    return clips
 
 
 def read_named_clips(paths: Sequence[Path]) -> "list[MotionClip]":

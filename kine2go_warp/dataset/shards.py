@@ -25,7 +25,7 @@ LEVEL = 3
 """Of the compression."""
 
 COMPRESSOR = ZstdCodec(level=LEVEL, checksum=True)
-"""How Zarr is told what chunks are compressed by."""
+"""Compressor of the chunks, as Zarr's metadata record it."""
 
 _NO_CHUNK = np.iinfo(np.uint64).max
 """Offset and length in a shard's index where there is no chunk."""

@@ -12,6 +12,7 @@ from kine2go_warp.exports.export import RECORD, check_target, folder_name
 from kine2go_warp.exports.motions import MOTION_TARGETS, BodyMotion
 from kine2go_warp.files import atomic_folder
 from kine2go_warp.motions.clip import MotionClip
+from kine2go_warp.names import check_distinct
 from kine2go_warp.robots.kinematics import link_positions, link_rotations, link_turning
 from kine2go_warp.rotations import from_matrices, rotate_by_matrices, to_matrices, turn_planar
 
@@ -93,8 +94,7 @@ def export_clips(clips: Sequence[MotionClip], form: str, out: Path, overwrite: b
     if form not in MOTION_TARGETS:
         raise ExportError(f"'{form}' is no format of motions; known are: {', '.join(MOTION_TARGETS)}")
     names = [clip.name for clip in clips]
-    if len(set(names)) < len(names):
-        raise ExportError(f"two clips are named {next(name for name in names if names.count(name) > 1)}")
+    check_distinct(names, ExportError)
     check_target(out, overwrite)
     kind = MOTION_TARGETS[form]
     licences = {clip.origin.licence or "unknown" for clip in clips}

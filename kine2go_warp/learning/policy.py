@@ -15,7 +15,7 @@ from kine2go_warp.files import atomic_file, held
 from kine2go_warp.learning.presets import Preset
 from kine2go_warp.learning.stopping import TARGETS, Evaluation, stored_evaluation
 from kine2go_warp.motions.clip import MotionClip
-from kine2go_warp.names import check_name
+from kine2go_warp.names import check_distinct, check_name
 from kine2go_warp.robots import DEFAULT_ROBOT, RobotSpec, stored_robot
 from kine2go_warp.settings import from_dictionary, to_dictionary
 
@@ -208,9 +208,7 @@ class PolicyFolder:
         Raises:
             PolicyError: one is for another robot, or two have the same name.
         """
-        names = [clip.name for clip in clips]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise PolicyError(f"two clips are named '{twice}'; give one of them another name")
+        check_distinct([clip.name for clip in clips], PolicyError)
         for clip in clips:
             if clip.robot != record.robot:
                 raise PolicyError(

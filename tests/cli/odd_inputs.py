@@ -188,7 +188,7 @@ def wrong_places(folder: Path) -> Iterator[tuple[str, Path]]:
     (folder / "loop").symlink_to(folder / "loop")
     yield "below a link to itself", folder / "loop" / "a.json"
     yield "a name that is too long", folder / ("x" * 300)
-    yield "where the kernel lets nobody write", Path("/proc/kine2go/a.json")
+    yield "in a folder that cannot be written to", Path("/proc/kine2go/a.json")
 
 
 def odd_inputs(good: Good, source: Path, folder: Path) -> Iterator[tuple[str, str, list[str]]]:
